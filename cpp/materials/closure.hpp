@@ -1,0 +1,97 @@
+// The scattering closure of one surface point: weighted lobes, textures already evaluated.
+//
+// Roles, not directions of tracing: every value is written for light that arrives from
+// `to_light` and leaves towards `to_eye` (unit vectors pointing away from the surface), so a path
+// has one value of f whichever side it was traced from. Refraction scales radiance by
+// (η_eye / η_light)²; it is part of the value.
+//
+// Dirac components. Their values and densities are coefficients of one symmetric unit: the Dirac
+// measure with respect to dσ⊥·η² (projected solid angle × squared index), which reflection and
+// refraction leave invariant (Veach 1997, §5.2). So, in solid angle at `sampled`,
+//     value = R·η² or T·η_eye²,     pdf = P·|cosθ_sampled|·η_sampled²,
+// with P the discrete probability, and value·|cosθ|/pdf, pdf(a→b)/pdf(b→a) and all conversions to
+// area measure are formed as for any other component; the unit cancels in every ratio.
+// η is relative: 1 on the outside (the side the normal points to), the lobe's index inside.
+#pragma once
+
+#include <cstdint>
+
+#include "base/frame.hpp"
+#include "base/spectrum.hpp"
+#include "base/vec.hpp"
+
+namespace usdmlt {
+
+enum class LobeType : uint8_t {
+    diffuse,     // Lambert, or Oren–Nayar where roughness > 0; reflection
+    translucent, // Lambert transmission
+    dielectric,  // Fresnel of a real index; reflection and/or transmission
+    conductor,   // Fresnel of a complex index; reflection
+    schlick,     // generalised Schlick; reflection and/or transmission
+};
+
+// A component of a vertex: all non-Dirac lobes together, or one Dirac lobe's reflection or
+// transmission. Part of the state of a path.
+using Component = uint8_t;
+inline constexpr Component non_delta = 0;
+inline constexpr Component delta_reflection(int lobe) { return static_cast<Component>(1 + 2 * lobe); }
+inline constexpr Component delta_transmission(int lobe) { return static_cast<Component>(2 + 2 * lobe); }
+
+inline constexpr int max_lobes = 8;
+inline constexpr uint8_t no_cover = 0xff;
+
+struct Lobe {
+    LobeType type;
+    bool reflects = true, transmits = false;
+    bool delta = false;          // both alphas below the smooth threshold
+    uint8_t cover = no_cover;    // innermost layer on top of this lobe (index into covers)
+    float alpha_x = 0, alpha_y = 0;  // GGX; for diffuse, alpha_x is the Oren–Nayar σ
+    float eta = 1;               // relative index of the inside (transmission, dielectric Fresnel)
+    float exponent = 5;          // schlick
+    Spectrum weight{1.0f};       // scales the lobe
+    Spectrum tint_transmission{1.0f};
+    Spectrum color0, color90;    // schlick; conductor: eta and k
+};
+
+// A layer on top: what lies below is scaled by what the layer lets through both ways.
+struct Cover {
+    uint8_t lobe_first, lobe_last;  // [first, last): the lobes that reflect in the layer
+    uint8_t above = no_cover;       // next layer on top of this one
+};
+
+struct ClosureSample {
+    Vec3f direction;   // world; unit
+    Spectrum value;    // the component's value, roles as in evaluate
+    float pdf = 0;     // solid angle at `direction`, given the known direction
+    Component component = non_delta;
+};
+
+// Which of the two directions is known when the other is sampled.
+enum class Known : uint8_t { eye, light };
+
+struct Closure {
+    Frame shading;               // z: shading normal, same side as the geometric normal
+    Vec3f geometric_normal;
+    Spectrum emission;           // radiance, the same in all directions
+    int lobe_count = 0;
+    int cover_count = 0;
+    bool has_non_delta = false;  // some lobe is not Dirac: the point can be connected
+    Lobe lobes[max_lobes];
+    Cover covers[max_lobes];
+
+    // f(to_light → to_eye) of the component, without cosine. Zero where the geometric and the
+    // shading normal disagree about the side of either direction.
+    Spectrum evaluate(Vec3f to_light, Vec3f to_eye, Component component = non_delta) const;
+
+    // Density of `sampled` in solid angle given `known`; selection probabilities included.
+    float pdf(Vec3f known, Vec3f sampled, Known role, Component component = non_delta) const;
+
+    // Samples the missing direction. u: lobe choice and Fresnel choice by u_lobe (rescaled), the
+    // direction by u. False where nothing is scattered (absorbed, or sides disagree).
+    bool sample(Vec3f known, Known role, float u_lobe, Vec2f u, ClosureSample& out) const;
+
+    // Relative index on the side of `direction` for a Dirac component (1 outside).
+    float eta_of_side(Vec3f direction, Component component) const;
+};
+
+}  // namespace usdmlt

@@ -1,0 +1,391 @@
+"""The scene description: plain dataclasses of NumPy arrays and floats.
+
+It is what a USD stage is read into and what the core renders; a second way in for people without
+USD. Conventions:
+
+* Matrices are 4x4 float64 and act on **row vectors** (``p' = p @ M``), as in USD.
+* Lengths are scene units. Positions may be far from the origin: the core recentres them in double
+  precision.
+* Colours are linear, in the rendering colour space; light colours are radiances (nit).
+* Images have row 0 at the top; texture coordinate (0, 0) is the lower left corner, as in USD.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, Union
+
+import numpy as np
+
+Color = tuple[float, float, float]
+
+
+def identity() -> np.ndarray:
+    """A new 4x4 identity matrix."""
+    return np.eye(4, dtype=np.float64)
+
+
+# ---------------------------------------------------------------------------------------------
+# Textures and material inputs
+
+
+@dataclass
+class Texture:
+    """An image, already decoded and converted to the linear rendering colour space.
+
+    ``pixels``: (height, width, channels) float16 or float32, 1 to 4 channels, row 0 on top.
+    """
+
+    pixels: np.ndarray
+    wrap_s: Literal["black", "clamp", "repeat", "mirror"] = "repeat"
+    wrap_t: Literal["black", "clamp", "repeat", "mirror"] = "repeat"
+    name: str = ""
+
+
+@dataclass
+class TextureInput:
+    """A material input read from a texture: ``(texel * scale + bias)[channel]``.
+
+    ``texture`` indexes :attr:`Scene.textures`; None (an unreadable file) gives ``fallback``.
+    ``transform`` (2, 3) maps the primvar's (s, t) to texture coordinates: ``A @ (s, t, 1)``.
+    Channels a texture lacks: one channel is grey with alpha 1; two are grey and alpha; three have
+    alpha 1.
+    """
+
+    texture: int | None
+    primvar: str = "st"
+    channel: Literal["rgb", "r", "g", "b", "a"] = "rgb"
+    scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    bias: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    fallback: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    transform: np.ndarray = field(
+        default_factory=lambda: np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    )
+
+
+@dataclass
+class PrimvarInput:
+    """A material input read from a primvar of the mesh; ``fallback`` where the mesh lacks it."""
+
+    primvar: str
+    fallback: float | Color = 0.0
+
+
+Input = Union[float, Color, TextureInput, PrimvarInput]
+
+
+# ---------------------------------------------------------------------------------------------
+# Closures. Roughness is GGX alpha (x, y), as MaterialX's closures have it; below 1e-3 it is smooth.
+
+Roughness = Union[Input, tuple[Input, Input]]
+
+
+@dataclass
+class Diffuse:
+    """Lambert (roughness 0) or Oren–Nayar reflection, as ``ND_oren_nayar_diffuse_bsdf``."""
+
+    color: Input = (0.18, 0.18, 0.18)
+    weight: Input = 1.0
+    roughness: Input = 0.0
+
+
+@dataclass
+class Dielectric:
+    """Dielectric interface, as ``ND_dielectric_bsdf``: reflection ("R"), transmission ("T") or both."""
+
+    ior: Input = 1.5
+    roughness: Roughness = 0.05
+    tint: Input = (1.0, 1.0, 1.0)
+    weight: Input = 1.0
+    scatter_mode: Literal["R", "T", "RT"] = "R"
+
+
+@dataclass
+class Conductor:
+    """Metal of complex index ``ior + i extinction``, as ``ND_conductor_bsdf``."""
+
+    ior: Input = (0.183, 0.421, 1.373)
+    extinction: Input = (3.424, 2.346, 1.770)
+    roughness: Roughness = 0.05
+    weight: Input = 1.0
+
+
+@dataclass
+class GeneralizedSchlick:
+    """As ``ND_generalized_schlick_bsdf``: F = color0 + (color90 - color0)(1 - cos)^exponent."""
+
+    color0: Input = (1.0, 1.0, 1.0)
+    color90: Input = (1.0, 1.0, 1.0)
+    exponent: Input = 5.0
+    roughness: Roughness = 0.05
+    weight: Input = 1.0
+    scatter_mode: Literal["R", "T", "RT"] = "R"
+
+
+@dataclass
+class UniformEmission:
+    """Radiance emitted equally in all directions from both sides, as ``ND_uniform_edf``."""
+
+    color: Input = (1.0, 1.0, 1.0)
+
+
+@dataclass
+class PreviewSurface:
+    """UsdPreviewSurface; inputs named as the schema's, defaults the schema's.
+
+    ``opacity_mode`` "transparent" below opacity 1 refracts by ``ior``. A threshold, and the mode
+    "presence", are cut-outs: the reader puts them in :attr:`Material.opacity` instead.
+    """
+
+    diffuseColor: Input = (0.18, 0.18, 0.18)
+    emissiveColor: Input = (0.0, 0.0, 0.0)
+    useSpecularWorkflow: int = 0
+    specularColor: Input = (0.0, 0.0, 0.0)
+    metallic: Input = 0.0
+    roughness: Input = 0.5
+    clearcoat: Input = 0.0
+    clearcoatRoughness: Input = 0.01
+    opacity: Input = 1.0
+    ior: Input = 1.5
+
+
+@dataclass
+class Layer:
+    """``top`` over ``base``: the base is scaled by what the top lets through both ways."""
+
+    top: Closure
+    base: Closure
+
+
+@dataclass
+class Mix:
+    """``background * (1 - mix) + foreground * mix``."""
+
+    foreground: Closure
+    background: Closure
+    mix: Input = 0.5
+
+
+@dataclass
+class Add:
+    """The sum of two closures."""
+
+    a: Closure
+    b: Closure
+
+
+@dataclass
+class Multiply:
+    """A closure scaled by a float or a colour."""
+
+    closure: Closure
+    factor: Input = 1.0
+
+
+Closure = Union[
+    Diffuse,
+    Dielectric,
+    Conductor,
+    GeneralizedSchlick,
+    UniformEmission,
+    PreviewSurface,
+    Layer,
+    Mix,
+    Add,
+    Multiply,
+]
+
+
+@dataclass
+class Material:
+    """A closure, a coverage and a normal map.
+
+    ``opacity``: the fraction of the surface that is there (1: all); what is not there lets light
+    pass unchanged. With ``opacity_threshold`` > 0 it is all there where opacity >= threshold and
+    not there elsewhere. ``normal``: tangent-space normal in [-1, 1] (scale and bias applied).
+    A closure of None absorbs everything.
+    """
+
+    closure: Closure | None
+    opacity: Input = 1.0
+    opacity_threshold: float = 0.0
+    normal: TextureInput | None = None
+    name: str = ""
+
+
+# ---------------------------------------------------------------------------------------------
+# Geometry
+
+
+@dataclass
+class Primvar:
+    """Values at corners: (count, width) float32, width 1 to 4.
+
+    ``corners`` (triangles, 3) int32 indexes ``values``; None: values are per vertex.
+    """
+
+    values: np.ndarray
+    corners: np.ndarray | None = None
+
+
+@dataclass
+class Mesh:
+    """A triangle mesh, counter-clockwise seen from outside (left-handed meshes are flipped).
+
+    ``points`` (n, 3) float32 in local space; ``triangles`` (m, 3) int32; ``normals`` a
+    :class:`Primvar` of width 3 in local space, None for flat shading; ``materials`` an index into
+    :attr:`Scene.materials`, or (m,) int32, one per triangle; ``transform`` local to world, or to
+    the prototype's space.
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    normals: Primvar | None = None
+    primvars: dict[str, Primvar] = field(default_factory=dict)
+    materials: int | np.ndarray = 0
+    transform: np.ndarray = field(default_factory=identity)
+    name: str = ""
+
+
+@dataclass
+class Prototype:
+    """Meshes that are placed many times."""
+
+    meshes: list[Mesh]
+    name: str = ""
+
+
+@dataclass
+class Instances:
+    """Placements of one prototype: ``transforms`` (count, 4, 4) float64, prototype to world."""
+
+    prototype: int
+    transforms: np.ndarray
+    name: str = ""
+
+
+# ---------------------------------------------------------------------------------------------
+# Lights. ``radiance`` is final: intensity, exposure, colour, temperature and normalisation applied.
+
+
+@dataclass
+class Shaping:
+    """UsdLux ShapingAPI: ``focus``, ``focus_tint``, and a cone of half-angle ``cone_angle_degrees``."""
+
+    focus: float = 0.0
+    focus_tint: Color = (0.0, 0.0, 0.0)
+    cone_angle_degrees: float = 90.0
+    cone_softness: float = 0.0
+
+
+@dataclass
+class RectLight:
+    """A rectangle in the local xy plane, emitting towards -z. ``texture``: index, or None."""
+
+    radiance: Color
+    width: float = 1.0
+    height: float = 1.0
+    transform: np.ndarray = field(default_factory=identity)
+    texture: int | None = None
+    shaping: Shaping | None = None
+    name: str = ""
+
+
+@dataclass
+class DiskLight:
+    """A disk in the local xy plane, emitting towards -z."""
+
+    radiance: Color
+    radius: float = 0.5
+    transform: np.ndarray = field(default_factory=identity)
+    shaping: Shaping | None = None
+    name: str = ""
+
+
+@dataclass
+class SphereLight:
+    """A sphere (an ellipsoid under a non-uniform transform), emitting outward."""
+
+    radiance: Color
+    radius: float = 0.5
+    transform: np.ndarray = field(default_factory=identity)
+    shaping: Shaping | None = None
+    name: str = ""
+
+
+@dataclass
+class CylinderLight:
+    """A cylinder along local x without caps, emitting outward."""
+
+    radiance: Color
+    radius: float = 0.5
+    length: float = 1.0
+    transform: np.ndarray = field(default_factory=identity)
+    shaping: Shaping | None = None
+    name: str = ""
+
+
+@dataclass
+class DistantLight:
+    """Radiance from a cone of full ``angle_degrees`` about local +z, travelling along -z.
+
+    With an angle of 0, ``radiance`` is the irradiance on a surface that faces the light.
+    """
+
+    radiance: Color
+    angle_degrees: float = 0.53
+    transform: np.ndarray = field(default_factory=identity)
+    name: str = ""
+
+
+@dataclass
+class DomeLight:
+    """An environment. ``texture`` is lat-long: row 0 is local +y, the centre column is local +z."""
+
+    radiance: Color
+    texture: int | None = None
+    transform: np.ndarray = field(default_factory=identity)
+    name: str = ""
+
+
+Light = Union[RectLight, DiskLight, SphereLight, CylinderLight, DistantLight, DomeLight]
+
+
+# ---------------------------------------------------------------------------------------------
+# Camera and scene
+
+
+@dataclass
+class Camera:
+    """A camera that looks along local -z with +y up.
+
+    ``window``: (left, right, bottom, top) of the image: at distance 1 for a perspective camera, in
+    scene units for an orthographic one. ``lens_radius`` 0 is a pinhole. ``clipping`` (near, far)
+    along the view axis. ``exposure`` multiplies the image.
+    """
+
+    transform: np.ndarray = field(default_factory=identity)
+    projection: Literal["perspective", "orthographic"] = "perspective"
+    window: tuple[float, float, float, float] = (-0.5, 0.5, -0.5, 0.5)
+    lens_radius: float = 0.0
+    focus_distance: float = 1.0
+    clipping: tuple[float, float] = (0.0, float("inf"))
+    exposure: float = 1.0
+    name: str = ""
+
+
+@dataclass
+class Scene:
+    """Everything a render needs. ``width`` and ``height`` are pixels."""
+
+    camera: Camera = field(default_factory=Camera)
+    width: int = 256
+    height: int = 256
+    meshes: list[Mesh] = field(default_factory=list)
+    prototypes: list[Prototype] = field(default_factory=list)
+    instances: list[Instances] = field(default_factory=list)
+    materials: list[Material] = field(default_factory=list)
+    textures: list[Texture] = field(default_factory=list)
+    lights: list[Light] = field(default_factory=list)
+    color_space: str = "lin_rec709_scene"
+    metadata: dict[str, object] = field(default_factory=dict)
