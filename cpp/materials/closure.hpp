@@ -14,28 +14,36 @@
 // η is relative: 1 on the outside (the side the normal points to), the lobe's index inside.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "base/frame.hpp"
 #include "base/spectrum.hpp"
 #include "base/vec.hpp"
+#include "base/warps.hpp"
 
 namespace usdmlt {
 
 enum class LobeType : uint8_t {
-    diffuse,     // Lambert, or Oren–Nayar where roughness > 0; reflection
-    translucent, // Lambert transmission
-    dielectric,  // Fresnel of a real index; reflection and/or transmission
-    conductor,   // Fresnel of a complex index; reflection
-    schlick,     // generalised Schlick; reflection and/or transmission
+    diffuse,      // Lambert, or Oren–Nayar where roughness > 0; reflection
+    translucent,  // Lambert transmission
+    dielectric,   // Fresnel of a real index; reflection and/or transmission
+    conductor,    // Fresnel of a complex index; reflection
+    schlick,      // generalised Schlick; reflection and/or transmission
 };
 
 // A component of a vertex: all non-Dirac lobes together, or one Dirac lobe's reflection or
 // transmission. Part of the state of a path.
 using Component = uint8_t;
 inline constexpr Component non_delta = 0;
-inline constexpr Component delta_reflection(int lobe) { return static_cast<Component>(1 + 2 * lobe); }
-inline constexpr Component delta_transmission(int lobe) { return static_cast<Component>(2 + 2 * lobe); }
+inline constexpr Component delta_reflection(int lobe) {
+    return static_cast<Component>(1 + 2 * lobe);
+}
+inline constexpr Component delta_transmission(int lobe) {
+    return static_cast<Component>(2 + 2 * lobe);
+}
+inline constexpr int lobe_of(Component component) { return (component - 1) / 2; }
+inline constexpr bool is_transmission(Component component) { return (component & 1) == 0; }
 
 inline constexpr int max_lobes = 8;
 inline constexpr uint8_t no_cover = 0xff;
@@ -43,26 +51,33 @@ inline constexpr uint8_t no_cover = 0xff;
 struct Lobe {
     LobeType type;
     bool reflects = true, transmits = false;
-    bool delta = false;          // both alphas below the smooth threshold
-    uint8_t cover = no_cover;    // innermost layer on top of this lobe (index into covers)
+    bool delta = false;              // both alphas below the smooth threshold
+    bool is_interface = false;       // bounds a medium of index eta: the side matters; otherwise
+                                     // the lobe is two-sided and looks the same from below
+    uint8_t cover = no_cover;        // innermost layer on top of this lobe (index into covers)
     float alpha_x = 0, alpha_y = 0;  // GGX; for diffuse, alpha_x is the Oren–Nayar σ
-    float eta = 1;               // relative index of the inside (transmission, dielectric Fresnel)
-    float exponent = 5;          // schlick
-    Spectrum weight{1.0f};       // scales the lobe
+    float eta = 1;          // relative index of the inside (refraction, dielectric Fresnel)
+    float exponent = 5;     // schlick
+    float coverage = 1;     // scalar part of the weight: what it takes from layers below
+    Spectrum weight{1.0f};  // scales the lobe
     Spectrum tint_transmission{1.0f};
-    Spectrum color0, color90;    // schlick; conductor: eta and k
+    Spectrum color0, color90;  // schlick; conductor: eta and k
 };
 
-// A layer on top: what lies below is scaled by what the layer lets through both ways.
+// A layer on top: what lies below is scaled by what the layer lets through both ways
+// (layering.hpp).
 struct Cover {
-    uint8_t lobe_first, lobe_last;  // [first, last): the lobes that reflect in the layer
+    uint8_t lobe_first, lobe_last;  // [first, last): the lobes of the layer
     uint8_t above = no_cover;       // next layer on top of this one
+    float inverse_scale = 1;        // undoes factors that scaled layer and base together
+    Spectrum average[2];            // cosine-weighted mean of what this layer and all above it let
+                                    // through: from outside, from inside
 };
 
 struct ClosureSample {
-    Vec3f direction;   // world; unit
-    Spectrum value;    // the component's value, roles as in evaluate
-    float pdf = 0;     // solid angle at `direction`, given the known direction
+    Vec3f direction;  // world; unit
+    Spectrum value;   // the component's value, roles as in evaluate
+    float pdf = 0;    // solid angle at `direction`, given the known direction
     Component component = non_delta;
 };
 
@@ -70,28 +85,86 @@ struct ClosureSample {
 enum class Known : uint8_t { eye, light };
 
 struct Closure {
-    Frame shading;               // z: shading normal, same side as the geometric normal
-    Vec3f geometric_normal;
-    Spectrum emission;           // radiance, the same in all directions
+    Frame shading;           // z: shading normal, same side as the geometric normal
+    Vec3f geometric_normal;  // unit
+    Spectrum emission;       // radiance, the same in all directions
     int lobe_count = 0;
     int cover_count = 0;
     bool has_non_delta = false;  // some lobe is not Dirac: the point can be connected
-    Lobe lobes[max_lobes];
-    Cover covers[max_lobes];
+    bool is_lambert = false;     // one Lambert lobe and nothing else: the short way
+    // In unions so that a closure is made without touching the lobes that it does not use.
+    union {
+        Lobe lobes[max_lobes];
+    };
+    union {
+        Cover covers[max_lobes];
+    };
+
+    Closure() {}
+    Closure(const Closure& other) { *this = other; }
+    Closure& operator=(const Closure& other) {
+        shading = other.shading;
+        geometric_normal = other.geometric_normal;
+        return copy_scattering(other);
+    }
+    // Everything but the normals.
+    Closure& copy_scattering(const Closure& other) {
+        emission = other.emission;
+        lobe_count = other.lobe_count;
+        cover_count = other.cover_count;
+        has_non_delta = other.has_non_delta;
+        is_lambert = other.is_lambert;
+        std::copy_n(other.lobes, lobe_count, lobes);
+        std::copy_n(other.covers, cover_count, covers);
+        return *this;
+    }
 
     // f(to_light → to_eye) of the component, without cosine. Zero where the geometric and the
     // shading normal disagree about the side of either direction.
-    Spectrum evaluate(Vec3f to_light, Vec3f to_eye, Component component = non_delta) const;
+    Spectrum evaluate(Vec3f to_light, Vec3f to_eye, Component component = non_delta) const {
+        if (!is_lambert) return evaluate_lobes(to_light, to_eye, component);
+        return component == non_delta && same_side(to_light, to_eye) ? lobes[0].weight * inv_pi
+                                                                     : Spectrum();
+    }
 
     // Density of `sampled` in solid angle given `known`; selection probabilities included.
-    float pdf(Vec3f known, Vec3f sampled, Known role, Component component = non_delta) const;
+    float pdf(Vec3f known, Vec3f sampled, Known role, Component component = non_delta) const {
+        if (!is_lambert) return pdf_lobes(known, sampled, role, component);
+        return component == non_delta && same_side(known, sampled)
+                   ? abs_dot(sampled, shading.z) * inv_pi
+                   : 0.0f;
+    }
 
     // Samples the missing direction. u: lobe choice and Fresnel choice by u_lobe (rescaled), the
     // direction by u. False where nothing is scattered (absorbed, or sides disagree).
-    bool sample(Vec3f known, Known role, float u_lobe, Vec2f u, ClosureSample& out) const;
+    bool sample(Vec3f known, Known role, float u_lobe, Vec2f u, ClosureSample& out) const {
+        if (!is_lambert) return sample_lobes(known, role, u_lobe, u, out);
+        Vec3f local = square_to_cosine_hemisphere(u);
+        if (dot(known, shading.z) < 0) local.z = -local.z;
+        out.direction = shading.to_world(local);
+        out.value = lobes[0].weight * inv_pi;
+        out.pdf = std::fabs(local.z) * inv_pi;
+        out.component = non_delta;
+        return out.pdf > 0 && same_side(known, out.direction);
+    }
 
     // Relative index on the side of `direction` for a Dirac component (1 outside).
-    float eta_of_side(Vec3f direction, Component component) const;
+    float eta_of_side(Vec3f direction, Component component) const {
+        if (component == non_delta || dot(direction, geometric_normal) >= 0) return 1;
+        const Lobe& lobe = lobes[lobe_of(component)];
+        return lobe.is_interface ? lobe.eta : 1;
+    }
+
+private:
+    // Both on the same side, by both normals.
+    bool same_side(Vec3f a, Vec3f b) const {
+        const float a_s = dot(a, shading.z), b_s = dot(b, shading.z);
+        const float a_g = dot(a, geometric_normal), b_g = dot(b, geometric_normal);
+        return a_s * a_g > 0 && b_s * b_g > 0 && a_s * b_s > 0;
+    }
+    Spectrum evaluate_lobes(Vec3f to_light, Vec3f to_eye, Component component) const;
+    float pdf_lobes(Vec3f known, Vec3f sampled, Known role, Component component) const;
+    bool sample_lobes(Vec3f known, Known role, float u_lobe, Vec2f u, ClosureSample& out) const;
 };
 
 }  // namespace usdmlt
