@@ -1,0 +1,212 @@
+"""Pictures: named layers of floats, and their files.
+
+EXR is the picture itself: linear, half RGBA, premultiplied. PNG is a view of it for looking at.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from usdmlt import color, files
+from usdmlt.errors import Error, UsageError
+
+logger = logging.getLogger("usdmlt")
+
+EXTENSIONS = (".exr", ".png")
+HALF_MAX = 65504.0
+
+# Attributes that EXR and OpenImageIO define; everything else is written as usdmlt:NAME.
+_STANDARD_ATTRIBUTES = frozenset(
+    {"renderer", "Software", "worldToCamera", "worldToNDC", "comments", "FramesPerSecond"}
+)
+_PNG_END = b"\x00\x00\x00\x00IEND\xaeB`\x82"
+
+
+@dataclass
+class Image:
+    """A rendered picture.
+
+    ``channels``: float32 layers by name: ``"color"`` (height, width, 3), linear in
+    ``color_space`` and premultiplied by coverage, and ``"alpha"`` (height, width). Row 0 is the
+    top. ``image["color"]`` is short for ``image.channels["color"]``.
+    ``stats``: what the render measured. ``metadata``: what the file says about its making
+    (renderer, stage, camera, frame, seed, samples, seconds ...): strings, numbers, 4x4 arrays.
+    """
+
+    channels: dict[str, npt.NDArray[np.float32]]
+    color_space: str = color.DEFAULT
+    stats: dict[str, Any] = field(default_factory=dict)
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def from_rgba(cls, rgba: npt.NDArray[np.float32], **attributes: Any) -> Image:
+        """From one (height, width, 4) array; ``attributes`` are the other fields."""
+        rgba = np.asarray(rgba, dtype=np.float32)
+        return cls({"color": rgba[..., :3], "alpha": rgba[..., 3]}, **attributes)
+
+    def __getitem__(self, name: str) -> npt.NDArray[np.float32]:
+        return self.channels[name]
+
+    @property
+    def height(self) -> int:
+        """Rows."""
+        return self["color"].shape[0]
+
+    @property
+    def width(self) -> int:
+        """Columns."""
+        return self["color"].shape[1]
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write ``.exr`` or ``.png``, whole or not at all.
+
+        The EXR holds half floats; what is beyond their range is clamped to ±65504 and counted in a
+        warning. The PNG is the sRGB view (:func:`usdmlt.color.srgb_view`), opaque.
+        Raises ValueError for another extension and :class:`usdmlt.Error` when the file cannot be
+        written; an existing file of that name is then as it was.
+        """
+        target = check_extension(path)
+        if target.suffix.lower() == ".exr":
+            pixels, attributes = self._exr()
+        else:
+            pixels, attributes = self._png()
+        with files.replacing(target) as temporary:
+            _write_pixels(temporary, pixels, attributes)
+
+    def _exr(self) -> tuple[npt.NDArray[Any], dict[str, Any]]:
+        rgba = np.concatenate([self["color"], self["alpha"][..., None]], axis=-1)
+        beyond = int(np.count_nonzero(np.abs(rgba) > HALF_MAX))
+        if beyond:
+            logger.warning(
+                "%d value%s beyond the range of half floats %s clamped to 65504",
+                beyond,
+                "s" if beyond > 1 else "",
+                "were" if beyond > 1 else "was",
+            )
+        attributes: dict[str, Any] = {
+            "compression": "zip",
+            "oiio:ColorSpace": self.color_space,
+            "colorInteropID": self.color_space,
+            "chromaticities": np.array(
+                color.rendering_space(self.color_space).chromaticities.flat(), np.float32
+            ),
+        }
+        for name, value in self.metadata.items():
+            if value is not None:
+                attributes[name if name in _STANDARD_ATTRIBUTES else f"usdmlt:{name}"] = value
+        return np.clip(rgba, -HALF_MAX, HALF_MAX).astype(np.float16), attributes
+
+    def _png(self) -> tuple[npt.NDArray[Any], dict[str, Any]]:
+        attributes = {"oiio:ColorSpace": "sRGB"}
+        if "renderer" in self.metadata:
+            attributes["Software"] = self.metadata["renderer"]
+        return color.srgb_view(self["color"], self.color_space), attributes
+
+
+def read(path: str | os.PathLike[str]) -> Image:
+    """Read an EXR that usdmlt wrote, or any other with channels R, G, B and optionally A.
+
+    Raises :class:`usdmlt.Error` when it is missing, unreadable or lacks those channels.
+    """
+    import OpenImageIO as oiio
+
+    file = oiio.ImageInput.open(os.fspath(path))
+    if file is None:
+        raise Error(f"cannot read {path}: {_one_line(oiio.geterror())}")
+    spec = file.spec()
+    pixels = file.read_image("float")
+    file.close()
+    if pixels is None:
+        raise Error(f"cannot read {path}: {_one_line(file.geterror())}")
+    names = list(spec.channelnames)
+    if not {"R", "G", "B"} <= set(names):
+        raise Error(f"cannot read {path}: it has no channels R, G, B but {', '.join(names)}")
+    rgb = pixels[..., [names.index(c) for c in "RGB"]]
+    alpha = pixels[..., names.index("A")] if "A" in names else np.ones_like(rgb[..., 0])
+    metadata = {
+        a.name.removeprefix("usdmlt:"): a.value
+        for a in spec.extra_attribs
+        if a.name.startswith("usdmlt:") or a.name in _STANDARD_ATTRIBUTES
+    }
+    color_space = spec.get_string_attribute("oiio:ColorSpace", color.DEFAULT)
+    return Image({"color": rgb, "alpha": alpha}, color_space=color_space, metadata=metadata)
+
+
+def check_extension(path: str | os.PathLike[str]) -> Path:
+    """The path, if its extension is one that can be written; ValueError otherwise."""
+    target = Path(path)
+    if target.suffix.lower() not in EXTENSIONS:
+        known = " or ".join(EXTENSIONS)
+        raise UsageError(f"{target}: the output's extension has to be {known}")
+    return target
+
+
+def _write_pixels(path: Path, pixels: npt.NDArray[Any], attributes: dict[str, Any]) -> None:
+    """Write the file and make sure that all of it is there; OSError otherwise."""
+    import OpenImageIO as oiio
+
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(
+        width, height, channels, "half" if pixels.dtype == np.float16 else "uint8"
+    )
+    spec.channelnames = ("R", "G", "B", "A")[:channels]
+    for name, value in attributes.items():
+        _set_attribute(spec, name, value)
+    file = oiio.ImageOutput.create(os.fspath(path))
+    if file is None:
+        raise OSError(_one_line(oiio.geterror()))
+    written = file.open(os.fspath(path), spec) and file.write_image(np.ascontiguousarray(pixels))
+    written = file.close() and written
+    if not written or file.has_error:
+        raise OSError(_one_line(file.geterror()))
+    if not _is_whole(path, pixels):
+        raise OSError("the end of the file could not be written; is the disk full?")
+
+
+def _is_whole(path: Path, pixels: npt.NDArray[Any]) -> bool:
+    """Whether the file's end reached the disk: OpenImageIO does not report errors at closing."""
+    import OpenImageIO as oiio
+
+    if path.suffix.lower() == ".png":
+        with open(path, "rb") as png:
+            png.seek(-len(_PNG_END), os.SEEK_END)
+            return png.read() == _PNG_END
+    file = oiio.ImageInput.open(os.fspath(path))
+    if file is None:
+        oiio.geterror()  # fetched so that it is not printed at exit
+        return False
+    again = file.read_image("half")
+    file.geterror()
+    file.close()
+    # Bytes are compared: NaN differs from itself.
+    return again is not None and again.tobytes() == pixels.tobytes()
+
+
+def _set_attribute(spec: Any, name: str, value: Any) -> None:
+    """Set one attribute with a type that the EXR writer keeps."""
+    import OpenImageIO as oiio
+
+    if isinstance(value, np.ndarray) and value.shape == (4, 4):
+        spec.attribute(name, oiio.TypeDesc("matrix"), tuple(float(v) for v in value.ravel()))
+    elif isinstance(value, np.ndarray):
+        kind = oiio.TypeDesc(f"float[{value.size}]")
+        spec.attribute(name, kind, tuple(float(v) for v in value.ravel()))
+    elif isinstance(value, float):
+        spec.attribute(name, value)  # float32: the EXR writer drops doubles
+    elif isinstance(value, int) and -(2**31) <= value < 2**31:
+        spec.attribute(name, int(value))
+    else:
+        spec.attribute(name, str(value))
+
+
+def _one_line(message: str) -> str:
+    """OpenImageIO's message without its line breaks and repetitions."""
+    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    return lines[0] if lines else "unknown error"
