@@ -1,0 +1,67 @@
+"""The one door to the compiled core, `usdmlt._core`."""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from usdmlt import cpu, embree
+from usdmlt.errors import Error
+
+if TYPE_CHECKING:
+    from usdmlt import _core
+    from usdmlt.scene import Scene
+    from usdmlt.settings import Settings
+
+
+def core() -> ModuleType:
+    """Import the compiled core; :class:`usdmlt.Error` where it cannot run or was not built."""
+    complaint = cpu.complaint()
+    if complaint:
+        raise Error(complaint)
+    try:
+        from usdmlt import _core
+    except ImportError as error:
+        raise Error(f"the compiled core of usdmlt cannot be loaded: {error}") from error
+    return _core
+
+
+def build_scene(scene: Scene, embree_isa: str) -> _core.Scene:
+    """Hand a scene description to the core and build its acceleration structures."""
+    library = str(embree.find_library())
+    try:
+        built: _core.Scene = core().Scene(scene, library, embree_isa)
+    except RuntimeError as error:
+        raise Error(str(error)) from error
+    return built
+
+
+def plan_render(scene: _core.Scene, settings: Settings) -> _core.Render:
+    """Plan the render of a built scene: nothing is rendered yet."""
+    try:
+        planned: _core.Render = core().Render(
+            scene,
+            integrator=settings.resolved_integrator,
+            samples=settings.resolved_samples,
+            depth=settings.depth,
+            seed=settings.seed,
+            filter=settings.filter,
+        )
+    except RuntimeError as error:
+        raise Error(str(error)) from error
+    return planned
+
+
+def build_info() -> dict[str, Any]:
+    """How the core was built: compiler, instruction set, version."""
+    info: dict[str, Any] = core().build_info()
+    return info
+
+
+def embree_version() -> str:
+    """The version of the Embree library that renders would use."""
+    library = str(embree.find_library())
+    try:
+        return str(core().embree_version(library))
+    except RuntimeError as error:
+        raise Error(str(error)) from error
