@@ -1,0 +1,228 @@
+"""Rendering: a scene and settings in, an image out."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from usdmlt import native
+from usdmlt._version import __version__
+from usdmlt.errors import UsageError
+from usdmlt.image import Image
+from usdmlt.interruption import Interruption
+from usdmlt.scene import Camera, Scene
+from usdmlt.settings import Settings, check_resolution
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+logger = logging.getLogger("usdmlt")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a render is."""
+
+    units_done: int
+    units_total: int
+    samples_per_unit: float
+    seconds: float
+
+    @property
+    def samples_done(self) -> float:
+        """Samples taken so far, over all pixels."""
+        return self.units_done * self.samples_per_unit
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during :func:`render`. ``image`` is the picture of the units that were finished."""
+
+    def __init__(self, image: Image) -> None:
+        super().__init__("the render was interrupted")
+        self.image = image
+
+
+class Rendering:
+    """A planned render of one picture, run in one go or in pieces.
+
+    ``scene``: the scene description; ``settings``: how to render it. Building the acceleration
+    structures and the plan happens here; raises :class:`usdmlt.Error` when the core refuses the
+    scene.
+    """
+
+    def __init__(self, scene: Scene, settings: Settings) -> None:
+        self.scene = scene
+        self.settings = settings
+        started = perf_counter()
+        self._core_scene = native.build_scene(scene, settings.embree_isa)
+        self._render = native.plan_render(self._core_scene, settings)
+        self._seconds_building = perf_counter() - started
+
+    @property
+    def units_done(self) -> int:
+        """The picture is that of the work units 0 … n-1; this is n."""
+        return int(self._render.units_done)
+
+    @property
+    def units_total(self) -> int:
+        """The number of work units when all samples are taken."""
+        return int(self._render.units_total)
+
+    def run(
+        self,
+        progress: Callable[[Progress], None] | None = None,
+        stop: Callable[[], bool] | None = None,
+    ) -> bool:
+        """Render until all units are done, the time is over or ``stop()`` is true.
+
+        Both functions are called from this thread about ten times a second. Units that have
+        started are finished. Returns whether all units are done.
+        """
+        started = perf_counter()
+
+        def poll(units_done: int) -> bool:
+            if progress is not None:
+                progress(self._progress(units_done, perf_counter() - started))
+            return stop is not None and stop()
+
+        self._render.run(
+            self.units_total,
+            threads=self.settings.resolved_threads,
+            deadline_seconds=self.settings.time,
+            poll=poll,
+        )
+        if progress is not None:
+            progress(self._progress(self.units_done, perf_counter() - started))
+        return self.units_done == self.units_total
+
+    def image(self) -> Image:
+        """The picture of the units done so far."""
+        stats = self.stats()
+        return Image.from_rgba(
+            self._render.image(),
+            color_space=self.scene.color_space,
+            stats=stats,
+            metadata=_metadata(self.scene, stats),
+        )
+
+    def stats(self) -> dict[str, Any]:
+        """What the core measured, and the settings as they were resolved."""
+        settings = asdict(self.settings)
+        settings["integrator"] = self.settings.resolved_integrator
+        settings["threads"] = self.settings.resolved_threads
+        return {
+            **self._render.stats(),
+            "units_done": self.units_done,
+            "units_total": self.units_total,
+            "seconds_building": self._seconds_building,
+            "settings": settings,
+        }
+
+    def _progress(self, units_done: int, seconds: float) -> Progress:
+        return Progress(units_done, self.units_total, self._render.samples_per_unit, seconds)
+
+
+def render(
+    stage: Usd.Stage | Scene | str | os.PathLike[str],
+    *,
+    camera: str | None = None,
+    frame: float | None = None,
+    width: int | None = None,
+    height: int | None = None,
+    purposes: tuple[str, ...] = ("default", "render"),
+    strict: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+    **settings: Any,
+) -> Image:
+    """Render a USD stage, or a scene description, and return the picture.
+
+    ``stage``: an open stage, the path of a file, or a :class:`usdmlt.scene.Scene`, which has its
+    camera and size already and takes none of the next five.
+    ``camera``: prim path or name; None: the render settings' camera, else ``main_cam``, else the
+    only camera, else one that frames everything.
+    ``frame``: time code; None: the stage's start. ``width``, ``height``: pixels; with one of them
+    the other follows from the camera's aspect. ``purposes``: what is rendered besides ``default``.
+    ``strict``: unsupported content raises instead of being warned about and left out.
+    ``progress``: called about ten times a second with a :class:`Progress`.
+    ``settings``: the fields of :class:`usdmlt.Settings`: integrator, samples, time, depth, seed,
+    threads, filter.
+
+    Raises ValueError for settings out of range, :class:`usdmlt.Error` when the render could not
+    be done, and :class:`usdmlt.Interrupted`, a KeyboardInterrupt that carries the picture so far,
+    after Ctrl-C.
+
+    >>> image = usdmlt.render("shot.usda", width=640, samples=256)
+    >>> image.write("shot.exr")
+    """
+    resolved = Settings(**settings)
+    check_resolution(width, height)
+    if isinstance(stage, Scene):
+        scene = stage
+        if camera is not None or frame is not None or width is not None or height is not None:
+            raise UsageError("a Scene has its own camera, frame and size: set them there")
+    else:
+        from usdmlt.stage import load
+
+        scene = load(
+            stage,
+            camera=camera,
+            frame=frame,
+            width=width,
+            height=height,
+            purposes=purposes,
+            strict=strict,
+        )
+    rendering = Rendering(scene, resolved)
+    with Interruption(signal.SIGINT) as interruption:
+        rendering.run(progress, stop=lambda: bool(interruption))
+    if interruption:
+        raise Interrupted(rendering.image())
+    return rendering.image()
+
+
+def _metadata(scene: Scene, stats: dict[str, Any]) -> dict[str, Any]:
+    """What the picture's file says about its making."""
+    settings = stats["settings"]
+    world_to_camera, world_to_ndc = _exr_camera(scene.camera)
+    return {
+        "renderer": f"usdmlt {__version__}",
+        "Software": f"usdmlt {__version__}",
+        "stage": scene.metadata.get("stage"),
+        "frame": scene.metadata.get("frame"),
+        "camera": scene.camera.name or None,
+        "integrator": settings["integrator"],
+        "samples": stats.get("samples_per_pixel"),
+        "units": stats["units_done"],
+        "depth": settings["depth"],
+        "filter": settings["filter"],
+        "seed": settings["seed"],
+        "time": stats.get("seconds"),
+        "worldToCamera": world_to_camera,
+        "worldToNDC": world_to_ndc,
+    }
+
+
+def _exr_camera(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """EXR's standard matrices, for row vectors: world to camera space, and on to the window.
+
+    EXR's camera space is left-handed with +z forward; NDC is (0, 0) in the upper left corner of
+    the picture and (1, 1) in the lower right one, after division by w.
+    """
+    world_to_camera = np.linalg.inv(camera.transform) @ np.diag([1.0, 1.0, -1.0, 1.0])
+    left, right, bottom, top = camera.window
+    sx, sy = 1 / (right - left), 1 / (top - bottom)
+    projection = np.zeros((4, 4))
+    projection[0, 0], projection[1, 1] = sx, -sy
+    if camera.projection == "perspective":
+        projection[2] = [-left * sx, top * sy, 1.0, 1.0]
+    else:
+        projection[2, 2] = 1.0
+        projection[3] = [-left * sx, top * sy, 0.0, 1.0]
+    return world_to_camera, world_to_camera @ projection
