@@ -1,0 +1,99 @@
+"""How far the render is: a bar on a terminal, a line now and then elsewhere."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import perf_counter
+
+from usdmlt.rendering import Progress
+from usdmlt.settings import Settings
+
+logger = logging.getLogger("usdmlt")
+
+SECONDS_BETWEEN_LINES = 10.0
+
+
+@contextmanager
+def display(settings: Settings, quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
+    """A function that shows the progress it is called with; None when quiet."""
+    if quiet:
+        yield None
+    elif sys.stderr.isatty():
+        with _bar(settings) as show:
+            yield show
+    else:
+        yield _lines(settings)
+
+
+def fraction_done(progress: Progress, time_limit: float | None) -> float:
+    """Between 0 and 1: of the units, or of the time if that will be over first."""
+    of_units = progress.units_done / max(progress.units_total, 1)
+    of_time = progress.seconds / time_limit if time_limit else 0.0
+    return min(max(of_units, of_time), 1.0)
+
+
+def remaining_seconds(progress: Progress, time_limit: float | None) -> float | None:
+    """An estimate, or None before there is anything to estimate from."""
+    left = [] if time_limit is None else [max(time_limit - progress.seconds, 0.0)]
+    if progress.units_done > 0:
+        units_left = progress.units_total - progress.units_done
+        left.append(progress.seconds * units_left / progress.units_done)
+    return min(left, default=None)
+
+
+def clock(seconds: float) -> str:
+    """`1:02:03`, or `2:03` below an hour."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+
+
+def describe(progress: Progress, time_limit: float | None) -> str:
+    """Rate, elapsed and remaining time."""
+    rate = progress.samples_done / max(progress.seconds, 1e-9)
+    remaining = remaining_seconds(progress, time_limit)
+    left = "" if remaining is None else f", {clock(remaining)} left"
+    return f"{_scaled(rate)} samples/s, {clock(progress.seconds)} elapsed{left}"
+
+
+def _scaled(rate: float) -> str:
+    for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if rate >= factor:
+            return f"{rate / factor:.3g} {prefix}"
+    return f"{rate:.0f} "
+
+
+@contextmanager
+def _bar(settings: Settings) -> Iterator[Callable[[Progress], None]]:
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Display
+
+    columns = (BarColumn(), TextColumn("{task.percentage:3.0f} %  {task.fields[text]}"))
+    with Display(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("", total=1.0, text="")
+
+        def show(progress: Progress) -> None:
+            shown.update(
+                task,
+                completed=fraction_done(progress, settings.time),
+                text=describe(progress, settings.time),
+            )
+
+        yield show
+
+
+def _lines(settings: Settings) -> Callable[[Progress], None]:
+    last = perf_counter()
+
+    def show(progress: Progress) -> None:
+        nonlocal last
+        if perf_counter() - last >= SECONDS_BETWEEN_LINES:
+            last = perf_counter()
+            percent = 100 * fraction_done(progress, settings.time)
+            logger.info("%.0f %%, %s", percent, describe(progress, settings.time))
+
+    return show

@@ -1,0 +1,229 @@
+"""`usdmlt render STAGE OUTPUT`: render frames of a stage to image files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import signal
+from typing import TYPE_CHECKING, Any, get_args
+
+from usdmlt.cli.frames import check_placeholder, frame_path, parse_frames
+from usdmlt.cli.logs import add_verbosity
+from usdmlt.settings import FilterName, IntegratorName, Settings, check_resolution
+
+if TYPE_CHECKING:
+    from usdmlt.rendering import Rendering
+    from usdmlt.scene import Scene
+
+logger = logging.getLogger("usdmlt")
+
+
+def add_parser(subparsers: Any) -> None:
+    """Declare the subcommand and its flags; names as usdrecord's where it has them."""
+    defaults = Settings()
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "render",
+        help="render a stage to an image file",
+        description="Render STAGE to OUTPUT, an .exr (linear, half RGBA) or a .png (sRGB view).",
+        allow_abbrev=False,
+    )
+    parser.add_argument("stage", metavar="STAGE", help=".usd, .usda, .usdc or .usdz file")
+    parser.add_argument(
+        "output",
+        metavar="OUTPUT",
+        help="image file; with --frames its name holds a placeholder: shot.####.exr",
+    )
+
+    view = parser.add_argument_group("what is rendered")
+    view.add_argument(
+        "--camera",
+        "-cam",
+        metavar="PRIM",
+        help="camera prim, path or name (default: that of the render settings, else main_cam, "
+        "else the only camera, else one that frames everything)",
+    )
+    view.add_argument(
+        "--frames",
+        "-f",
+        metavar="SPEC",
+        help="time codes start[:end[xstride]], several separated by commas "
+        "(default: the stage's start)",
+    )
+    size = view.add_mutually_exclusive_group()
+    size.add_argument(
+        "--imageWidth",
+        "-w",
+        metavar="N",
+        type=int,
+        help="width in pixels; the height follows from the camera "
+        "(default: the size in the render settings, else 960 wide)",
+    )
+    size.add_argument(
+        "--res", metavar=("W", "H"), nargs=2, type=int, help="width and height in pixels"
+    )
+    view.add_argument(
+        "--purposes",
+        metavar="P[,P]",
+        default="render",
+        help="purposes to render besides `default` (default: %(default)s)",
+    )
+    view.add_argument(
+        "--strict", action="store_true", help="fail where unsupported content would be left out"
+    )
+
+    how = parser.add_argument_group("how it is rendered")
+    how.add_argument(
+        "--integrator",
+        choices=get_args(IntegratorName),
+        default=defaults.integrator,
+        help="path tracing or bidirectional path tracing (default: auto, which is path)",
+    )
+    how.add_argument(
+        "--samples",
+        metavar="N",
+        type=int,
+        help=f"samples per pixel (default: {defaults.resolved_samples}, or what fits into --time)",
+    )
+    how.add_argument(
+        "--time",
+        metavar="SECONDS",
+        type=float,
+        help="stop rendering each frame after this time, reading the stage not counted "
+        "(default: no limit)",
+    )
+    how.add_argument(
+        "--depth",
+        metavar="N",
+        type=int,
+        default=defaults.depth,
+        help="the most edges of a path; 2 is direct light only (default: %(default)s)",
+    )
+    how.add_argument(
+        "--filter",
+        choices=get_args(FilterName),
+        default=defaults.filter,
+        help="pixel filter (default: %(default)s)",
+    )
+    how.add_argument(
+        "--seed",
+        metavar="N",
+        type=int,
+        default=defaults.seed,
+        help="seed of the random numbers (default: %(default)s)",
+    )
+    how.add_argument(
+        "--threads",
+        metavar="N",
+        type=int,
+        help="threads (default: as many as the process may run on, "
+        f"here {defaults.resolved_threads})",
+    )
+    report = parser.add_argument_group("what is reported")
+    report.add_argument(
+        "--stats",
+        metavar="FILE.json",
+        help="write the statistics there; with --frames its name holds a placeholder",
+    )
+    add_verbosity(report)
+    parser.set_defaults(run=run, parser=parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Render every frame; the exit status."""
+    from usdmlt import files, image
+
+    settings = Settings(
+        integrator=arguments.integrator,
+        samples=arguments.samples,
+        time=arguments.time,
+        depth=arguments.depth,
+        seed=arguments.seed,
+        threads=arguments.threads,
+        filter=arguments.filter,
+    )
+    width, height = arguments.res or (arguments.imageWidth, None)
+    check_resolution(width, height)
+    frames = None if arguments.frames is None else parse_frames(arguments.frames)
+    image.check_extension(arguments.output)
+    for path in _outputs(arguments):
+        check_placeholder(path, frames)
+    for path in _outputs(arguments):
+        files.check_writable(path)
+    for frame in frames or [None]:
+        status = _render_frame(arguments, settings, frame, (width, height))
+        if status:
+            return status
+    return 0
+
+
+def _outputs(arguments: argparse.Namespace) -> list[str]:
+    return [arguments.output] + ([arguments.stats] if arguments.stats else [])
+
+
+def _render_frame(
+    arguments: argparse.Namespace,
+    settings: Settings,
+    frame: float | None,
+    size: tuple[int | None, int | None],
+) -> int:
+    """Render and write one frame; 0, or 128 + the number of the signal that stopped it."""
+    from usdmlt import files
+    from usdmlt.cli.progress import display
+    from usdmlt.interruption import Interruption
+    from usdmlt.rendering import Rendering
+    from usdmlt.stage import load
+
+    scene = load(
+        arguments.stage,
+        camera=arguments.camera,
+        frame=frame,
+        width=size[0],
+        height=size[1],
+        purposes=("default", *arguments.purposes.split(",")),
+        strict=arguments.strict,
+    )
+    rendering = Rendering(scene, settings)
+    logger.info("%s", _description(arguments.stage, scene, settings))
+    with Interruption(signal.SIGINT, signal.SIGTERM, always=True) as interruption:
+        with display(settings, quiet=arguments.verbosity < 0) as progress:
+            rendering.run(progress, stop=lambda: bool(interruption))
+        if rendering.units_done == 0:
+            logger.warning("stopped before any work was done: nothing was written")
+        else:
+            image = rendering.image()
+            output, stats = (
+                path if frame is None or not path else frame_path(path, frame)
+                for path in (arguments.output, arguments.stats)
+            )
+            image.write(output)
+            if stats:
+                files.write_text(stats, json.dumps(image.stats, indent=2) + "\n")
+            logger.info("%s", _outcome(output, rendering, image.stats))
+    return 0 if interruption.signal is None else 128 + interruption.signal
+
+
+def _description(stage: str, scene: Scene, settings: Settings) -> str:
+    """What will be rendered and how, defaults included."""
+    samples = settings.samples or (settings.resolved_samples if settings.time is None else None)
+    limits = [f"{samples} samples per pixel"] if samples else []
+    if settings.time is not None:
+        limits.append(f"{settings.time:g} s")
+    return (
+        f"{stage}: camera {scene.camera.name or '(automatic)'}, {scene.width}x{scene.height}, "
+        f"{settings.resolved_integrator}, {' or '.join(limits)}, depth {settings.depth}, "
+        f"{settings.filter} filter, seed {settings.seed}, threads {settings.resolved_threads}"
+    )
+
+
+def _outcome(output: str, rendering: Rendering, stats: dict[str, Any]) -> str:
+    """What was written, and how much of the work is in it."""
+    share = (
+        "all units"
+        if rendering.units_done == rendering.units_total
+        else f"units 0:{rendering.units_done}"
+    )
+    return (
+        f"wrote {output}: {stats['samples_per_pixel']:g} samples per pixel ({share}) "
+        f"in {stats['seconds']:.1f} s"
+    )
