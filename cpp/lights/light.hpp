@@ -8,6 +8,7 @@
 // is the discrete probability of the light, the radiance its irradiance.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 #include "base/spectrum.hpp"
@@ -16,16 +17,22 @@
 namespace usdmlt {
 
 struct LightPoint {
-    Vec3f position;         // surface lights, recentred world space
-    Vec3f normal;           // surface lights: geometric normal; emission of one-sided lights is on +normal
-    Vec3f direction;        // at infinity: unit, from the scene towards the light
-    Vec2f uv;               // parameters of the surface point (barycentrics for meshes)
-    uint32_t light = 0;     // index of the light; for the environment: environment_light
-    uint32_t primitive = 0; // triangle, for meshes
+    Vec3f position;      // surface lights, recentred world space
+    Vec3f normal;        // surface lights: geometric; one-sided lights emit on the side of +normal
+    Vec3f direction;     // at infinity: unit, from the scene towards the light
+    Vec2f uv;            // parameters of the surface point (barycentrics for meshes)
+    uint32_t light = 0;  // index of the light; for the environment: environment_light
+    uint32_t primitive = 0;  // triangle, for meshes
     bool infinite = false;
-    bool delta = false;     // direction at infinity is Dirac
+    bool delta = false;  // direction at infinity is Dirac
 };
 
 inline constexpr uint32_t environment_light = 0xfffffffeu;
+
+// What lights are chosen and sampled by. Positive wherever the radiance is not zero, also outside
+// the gamut.
+inline double importance(const Spectrum& s) {
+    return 0.2126 * std::fabs(s.c[0]) + 0.7152 * std::fabs(s.c[1]) + 0.0722 * std::fabs(s.c[2]);
+}
 
 }  // namespace usdmlt

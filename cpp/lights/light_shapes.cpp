@@ -1,0 +1,63 @@
+// Points of lights that rays find.
+#include "lights/lights.hpp"
+
+namespace usdmlt {
+
+namespace {
+
+// Calls f with the shape; every entry of `shapes` is one.
+template <typename F>
+auto visit_shape(const Lights& lights, int shape, const F& f) {
+    return std::visit(
+        [&]<typename L>(const L& light) {
+            if constexpr (Shape<L>)
+                return f(light);
+            else
+                return decltype(f(std::declval<const RectLight&>()))();
+        },
+        lights.lights[lights.shapes[shape]]);
+}
+
+}  // namespace
+
+bool environment_point(const Lights& lights, Vec3f direction, LightPoint& point) {
+    if (lights.environment.empty()) return false;
+    point = {};
+    point.direction = direction;
+    point.light = environment_light;
+    point.infinite = true;
+    return true;
+}
+
+int shape_count(const Lights& lights) { return static_cast<int>(lights.shapes.size()); }
+
+void shape_bounds(const Lights& lights, int shape, Vec3f& lower, Vec3f& upper) {
+    visit_shape(lights, shape, [&](const auto& light) { bounds(light, lower, upper); });
+    // Room for the rounding of positions.
+    const Vec3f largest = max(max(lower, -lower), max(upper, -upper));
+    const Vec3f margin = largest * 1e-6f;
+    lower = lower - margin;
+    upper = upper + margin;
+}
+
+bool intersect_shape(const Lights& lights, int shape, Vec3f origin, Vec3f direction, float tnear,
+                     float tfar, float& t, Vec2f& uv) {
+    return visit_shape(lights, shape, [&](const auto& light) {
+        return intersect(light, origin, direction, tnear, tfar, t, uv);
+    });
+}
+
+LightPoint shape_point(const Lights& lights, int shape, Vec2f uv) {
+    LightPoint point =
+        visit_shape(lights, shape, [&](const auto& light) { return surface_point(light, uv); });
+    point.light = lights.shapes[shape];
+    return point;
+}
+
+LightPoint mesh_point(const Lights& lights, uint32_t light, uint32_t triangle, float b1, float b2) {
+    LightPoint point = surface_point(std::get<MeshLight>(lights.lights[light]), triangle, {b1, b2});
+    point.light = light;
+    return point;
+}
+
+}  // namespace usdmlt

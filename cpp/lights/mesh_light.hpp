@@ -1,0 +1,32 @@
+// Emissive triangles of a mesh under an affine transform. They emit from both sides. uv are the
+// barycentrics b1, b2 of a triangle.
+#pragma once
+
+#include <vector>
+
+#include "base/frame.hpp"
+#include "geometry/mesh.hpp"
+#include "lights/light.hpp"
+#include "materials/material.hpp"
+
+namespace usdmlt {
+
+struct MeshLight {
+    const Mesh* mesh = nullptr;
+    const Materials* materials = nullptr;
+    Affine3f to_world;
+    std::vector<uint32_t> triangles;  // those that emit, ascending
+    std::vector<double> flux;         // of each: 2π · area · average importance of its radiance
+
+    MeshLight() = default;
+    MeshLight(const Mesh& mesh, const Affine3f& to_world, const Materials& materials);
+};
+
+LightPoint surface_point(const MeshLight& light, uint32_t triangle, Vec2f uv);
+Spectrum surface_radiance(const MeshLight& light, uint32_t triangle, Vec2f uv);
+double triangle_area(const MeshLight& light, uint32_t triangle);  // in the world
+
+// Position of a triangle in `triangles`, or invalid_index.
+uint32_t emitter_index(const MeshLight& light, uint32_t triangle);
+
+}  // namespace usdmlt
