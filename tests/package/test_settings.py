@@ -1,0 +1,65 @@
+"""Settings: defaults, and one line for what cannot be."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+
+from usdmlt import Settings
+from usdmlt.settings import check_resolution
+
+
+@pytest.mark.parametrize(
+    ("settings", "complaint"),
+    [
+        ({"samples": 0}, "samples must be between 1 and"),
+        ({"samples": 1.5}, "samples must be an integer"),
+        ({"samples": True}, "samples must be an integer"),
+        ({"depth": 0}, "depth must be between 1 and"),
+        ({"seed": -1}, "seed must be between 0 and"),
+        ({"seed": 2**32}, "seed must be between 0 and"),
+        ({"threads": 0}, "threads must be between 1 and"),
+        ({"time": 0}, "time must be a positive number"),
+        ({"time": float("nan")}, "time must be a positive number"),
+        ({"time": float("inf")}, "time must be a positive number"),
+        ({"integrator": "mlt2"}, "integrator must be one of auto, path, bdpt"),
+        ({"filter": "sinc"}, "filter must be one of gaussian, box"),
+    ],
+)
+def test_values_out_of_range_are_named(settings: dict, complaint: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        Settings(**settings)
+
+
+@pytest.mark.parametrize("size", [(0, None), (None, 0), (-4, 4), (4, 2**20)])
+def test_impossible_image_sizes_are_refused(size: tuple[int | None, int | None]) -> None:
+    with pytest.raises(ValueError, match=r"(width|height) must be between 1 and"):
+        check_resolution(*size)
+
+
+def test_auto_is_path_tracing() -> None:
+    assert Settings().resolved_integrator == "path"
+    assert Settings(integrator="bdpt").resolved_integrator == "bdpt"
+
+
+def test_samples_default_to_64_and_are_unlimited_under_a_time_limit() -> None:
+    assert Settings().resolved_samples == 64
+    assert Settings(time=1.0).resolved_samples >= 2**20
+    assert Settings(time=1.0, samples=16).resolved_samples == 16
+
+
+def test_numpy_integers_are_integers() -> None:
+    assert Settings(samples=np.int64(3)).resolved_samples == 3
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="needs CPU affinity")
+def test_threads_follow_the_affinity_of_the_process() -> None:
+    allowed = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {min(allowed)})
+        assert Settings().resolved_threads == 1
+    finally:
+        os.sched_setaffinity(0, allowed)
+    assert Settings().resolved_threads == len(allowed)
