@@ -33,9 +33,9 @@ struct Mesh {
     std::string name;  // prim path, for messages
     std::vector<Vec3f> positions;
     std::vector<Triangle> triangles;
-    CornerValues normals;                       // width 3; empty: flat
-    std::vector<CornerValues> primvars;         // by the scene's primvar slot; may be empty
-    std::vector<uint32_t> triangle_materials;   // empty: `material` for all
+    CornerValues normals;                      // width 3; empty: flat
+    std::vector<CornerValues> primvars;        // by the scene's primvar slot; may be empty
+    std::vector<uint32_t> triangle_materials;  // empty: `material` for all
     uint32_t material = 0;
 
     uint32_t material_of(uint32_t triangle) const {

@@ -1,0 +1,91 @@
+// Perspective (pinhole or thin lens) and orthographic cameras.
+//
+// Raster coordinates: x right, y down, pixels of the image cover [0, width] × [0, height]; a pixel
+// filter reaches a little beyond. Importance is uniform over the film, so that
+//     We·cosθ / (p_lens · p_ω) = 1   (perspective),     We·|cosθ1| / p(x1) = 1   (orthographic).
+// An orthographic camera is a direction at infinity, the mirror image of a distant light.
+#pragma once
+
+#include "base/frame.hpp"
+#include "base/warps.hpp"
+
+namespace usdmlt {
+
+struct CameraRay {
+    Vec3f origin, direction;
+    float tnear, tfar;
+};
+
+struct Camera {
+    bool orthographic = false;
+    Vec3f position;                  // of the lens centre
+    Vec3f right, up, forward;        // orthonormal; may be left-handed
+    float left = -0.5f, top = 0.5f;  // window, at distance 1 or in scene units
+    float window_width = 1, window_height = 1;
+    int width = 1, height = 1;  // pixels
+    float lens_radius = 0, focus_distance = 1;
+    float near = 0, far = 1e30f;  // along the view axis
+
+    double window_area() const { return double(window_width) * window_height; }
+
+    // Offset of a lens point from the centre, from the unit square.
+    Vec3f sample_lens(Vec2f u) const {
+        if (lens_radius == 0) return position;
+        const Vec2f d = square_to_disk(u) * lens_radius;
+        return position + right * d.x + up * d.y;
+    }
+    double pdf_lens() const {
+        return lens_radius > 0 ? 1 / (double(pi) * lens_radius * lens_radius) : 1;
+    }
+
+    // The ray of a raster point through a lens point (which an orthographic camera ignores).
+    CameraRay ray(Vec2f raster, Vec3f lens_point) const {
+        const float x = left + window_width * raster.x / width;
+        const float y = top - window_height * raster.y / height;
+        if (orthographic) return {position + right * x + up * y, forward, near, far};
+        const Vec3f focus = position + (right * x + up * y + forward) * focus_distance;
+        const Vec3f direction = lens_radius > 0 ? normalize(focus - lens_point)
+                                                : normalize(right * x + up * y + forward);
+        const float cos_theta = dot(direction, forward);
+        return {lens_point, direction, near / cos_theta, far / cos_theta};
+    }
+
+    // The raster point whose ray through the lens point meets `p`; false outside the clipping
+    // range. `direction` is unit, from the lens to p.
+    bool project(Vec3f p, Vec3f lens_point, Vec2f& raster, Vec3f& direction) const {
+        const Vec3f d = p - (orthographic ? position : lens_point);
+        const float depth = dot(d, forward);
+        if (!(depth > near && depth < far) || !(depth > 0 || orthographic)) return false;
+        float x, y;
+        if (orthographic) {
+            direction = forward;
+            x = dot(d, right);
+            y = dot(d, up);
+        } else {
+            direction = normalize(d);
+            const Vec3f on_focus_plane = lens_point + d * (focus_distance / depth) - position;
+            x = lens_radius > 0 ? dot(on_focus_plane, right) / focus_distance
+                                : dot(d, right) / depth;
+            y = lens_radius > 0 ? dot(on_focus_plane, up) / focus_distance : dot(d, up) / depth;
+        }
+        raster = {(x - left) / window_width * width, (top - y) / window_height * height};
+        return std::isfinite(raster.x) && std::isfinite(raster.y);
+    }
+
+    // Perspective: density of a direction in solid angle, uniform over the window:
+    // p_ω = 1/(A cos³θ) for every lens point.
+    double pdf_direction(Vec3f direction) const {
+        const double c = dot(direction, forward);
+        return c > 0 ? 1 / (window_area() * c * c * c) : 0;
+    }
+    // Orthographic: area density of the ray's origin on the film plane.
+    double pdf_origin() const { return 1 / window_area(); }
+
+    // We towards a direction: p_lens·p_ω/cosθ, or 1/A for an orthographic camera.
+    double importance(Vec3f direction) const {
+        if (orthographic) return pdf_origin();
+        return pdf_lens() * pdf_direction(direction) / dot(direction, forward);
+    }
+};
+
+}  // namespace usdmlt

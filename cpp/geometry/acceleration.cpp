@@ -1,0 +1,129 @@
+#include "geometry/acceleration.hpp"
+
+#include <limits>
+#include <stdexcept>
+
+namespace usdmlt {
+namespace {
+
+void shape_bounds(const embree::BoundsFunctionArguments* args) {
+    const auto& shapes = *static_cast<const ShapeCallbacks*>(args->geometry_user_pointer);
+    Vec3f lower, upper;
+    shapes.bounds(shapes.user, args->prim_id, lower, upper);
+    *args->bounds = {lower.x, lower.y, lower.z, 0, upper.x, upper.y, upper.z, 0};
+}
+
+void shape_intersect(const embree::IntersectFunctionArguments* args) {
+    if (args->valid[0] != -1) return;
+    const auto& shapes = *static_cast<const ShapeCallbacks*>(args->geometry_user_pointer);
+    embree::Ray& ray = args->ray_hit->ray;
+    float t;
+    Vec2f uv;
+    if (!shapes.intersect(shapes.user, args->prim_id, {ray.org_x, ray.org_y, ray.org_z},
+                          {ray.dir_x, ray.dir_y, ray.dir_z}, ray.tnear, ray.tfar, t, uv))
+        return;
+    ray.tfar = t;
+    embree::Hit& hit = args->ray_hit->hit;
+    hit.u = uv.x;
+    hit.v = uv.y;
+    hit.prim_id = args->prim_id;
+    hit.geom_id = args->geom_id;
+    hit.inst_id = args->context->inst_id;
+    hit.inst_prim_id = args->context->inst_prim_id;
+}
+
+void shape_occluded(const embree::OccludedFunctionArguments* args) {
+    if (args->valid[0] != -1) return;
+    const auto& shapes = *static_cast<const ShapeCallbacks*>(args->geometry_user_pointer);
+    embree::Ray& ray = *args->ray;
+    float t;
+    Vec2f uv;
+    if (shapes.intersect(shapes.user, args->prim_id, {ray.org_x, ray.org_y, ray.org_z},
+                         {ray.dir_x, ray.dir_y, ray.dir_z}, ray.tnear, ray.tfar, t, uv))
+        ray.tfar = -std::numeric_limits<float>::infinity();
+}
+
+}  // namespace
+
+embree::Geometry Acceleration::new_triangles(const Mesh& mesh) const {
+    const embree::Geometry geometry =
+        library_->rtcNewGeometry(device_.get(), embree::triangle_geometry);
+    library_->rtcSetSharedGeometryBuffer(geometry, embree::vertex_buffer, 0, embree::format_float3,
+                                         mesh.positions.data(), 0, sizeof(Vec3f),
+                                         mesh.positions.size());
+    library_->rtcSetSharedGeometryBuffer(geometry, embree::index_buffer, 0, embree::format_uint3,
+                                         mesh.triangles.data(), 0, sizeof(Triangle),
+                                         mesh.triangles.size());
+    library_->rtcCommitGeometry(geometry);
+    return geometry;
+}
+
+Acceleration::Acceleration(std::shared_ptr<const embree::Library> library, const std::string& isa,
+                           const std::vector<Mesh>& meshes, uint32_t world_meshes,
+                           const std::vector<MeshRange>& prototypes,
+                           const std::vector<Instance>& instances, const ShapeCallbacks& shapes)
+    : library_(std::move(library)),
+      device_(embree::new_device(*library_, isa)),
+      scene_(nullptr, {library_.get()}),
+      world_meshes_(world_meshes) {
+    const embree::Library& e = *library_;
+    const auto new_scene = [&] {
+        const embree::Scene scene = e.rtcNewScene(device_.get());
+        // Watertight at shared edges: a chain would find and keep any leak.
+        e.rtcSetSceneFlags(scene, embree::scene_flag_robust);
+        return embree::ScenePointer(scene, {library_.get()});
+    };
+    const auto attach = [&](embree::Scene scene, embree::Geometry geometry) {
+        const unsigned id = e.rtcAttachGeometry(scene, geometry);
+        e.rtcReleaseGeometry(geometry);
+        return id;
+    };
+
+    for (const MeshRange& range : prototypes) {
+        embree::ScenePointer prototype = new_scene();
+        for (uint32_t i = 0; i < range.count; ++i)
+            attach(prototype.get(), new_triangles(meshes[range.first + i]));
+        e.rtcCommitScene(prototype.get());
+        prototype_scenes_.push_back(std::move(prototype));
+    }
+
+    scene_ = new_scene();
+    for (uint32_t i = 0; i < world_meshes; ++i) attach(scene_.get(), new_triangles(meshes[i]));
+    first_instance_ = world_meshes;
+    if (shapes.count > 0) {
+        shapes_ = std::make_unique<ShapeCallbacks>(shapes);
+        const embree::Geometry geometry = e.rtcNewGeometry(device_.get(), embree::user_geometry);
+        e.rtcSetGeometryUserPrimitiveCount(geometry, shapes.count);
+        e.rtcSetGeometryUserData(geometry, shapes_.get());
+        e.rtcSetGeometryBoundsFunction(geometry, shape_bounds, nullptr);
+        e.rtcSetGeometryIntersectFunction(geometry, shape_intersect);
+        e.rtcSetGeometryOccludedFunction(geometry, shape_occluded);
+        e.rtcCommitGeometry(geometry);
+        attach(scene_.get(), geometry);
+        ++first_instance_;
+    }
+    instance_first_mesh_.reserve(instances.size());
+    for (const Instance& instance : instances) {
+        const embree::Geometry geometry =
+            e.rtcNewGeometry(device_.get(), embree::instance_geometry);
+        e.rtcSetGeometryInstancedScene(geometry, prototype_scenes_[instance.prototype].get());
+        static_assert(sizeof(Affine3f) == 12 * sizeof(float));
+        e.rtcSetGeometryTransform(geometry, 0, embree::format_float3x4_column_major,
+                                  &instance.to_world);
+        e.rtcCommitGeometry(geometry);
+        attach(scene_.get(), geometry);
+        instance_first_mesh_.push_back(prototypes[instance.prototype].first);
+    }
+    e.rtcCommitScene(scene_.get());
+    if (e.rtcGetDeviceError(device_.get()) != 0)
+        throw std::runtime_error("Embree could not build the acceleration structure");
+}
+
+void Acceleration::bounds(Vec3f& lower, Vec3f& upper) const {
+    embree::Bounds b;
+    library_->rtcGetSceneBounds(scene_.get(), &b);
+    lower = {b.lower_x, b.lower_y, b.lower_z};
+    upper = {b.upper_x, b.upper_y, b.upper_z};
+}
+
+}  // namespace usdmlt

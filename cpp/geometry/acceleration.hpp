@@ -1,0 +1,116 @@
+// The acceleration structure: meshes, instanced prototypes and analytic shapes in one Embree scene.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/frame.hpp"
+#include "geometry/embree_library.hpp"
+#include "geometry/mesh.hpp"
+
+namespace usdmlt {
+
+struct Ray {
+    Vec3f origin;
+    float tnear = 0;
+    Vec3f direction;
+    float tfar = 0;
+};
+
+struct Hit {
+    float t;
+    float u, v;          // barycentrics of corners 1 and 2, or the parameters of a shape
+    uint32_t mesh;       // index into the scene's meshes; invalid_index: an analytic shape
+    uint32_t primitive;  // triangle, or the shape's index
+    uint32_t instance;   // invalid_index: placed in the world directly
+};
+
+// Consecutive meshes of the scene that are placed together.
+struct MeshRange {
+    uint32_t first = 0, count = 0;
+};
+
+struct Instance {
+    uint32_t prototype = 0;
+    Affine3f to_world;
+};
+
+// Analytic shapes, intersected by callbacks: light shapes, whose sampled points and hit points
+// have to be the same surface.
+struct ShapeCallbacks {
+    const void* user = nullptr;
+    uint32_t count = 0;
+    void (*bounds)(const void* user, uint32_t shape, Vec3f& lower, Vec3f& upper) = nullptr;
+    bool (*intersect)(const void* user, uint32_t shape, Vec3f origin, Vec3f direction, float tnear,
+                      float tfar, float& t, Vec2f& uv) = nullptr;
+};
+
+class Acceleration {
+public:
+    // Builds over `meshes[0 … world_meshes)` in the world, the prototypes' ranges of the rest under
+    // their instances, and the shapes. The arrays must outlive this object and not move.
+    // Embree's build has one instance level: nested instances arrive flattened.
+    Acceleration(std::shared_ptr<const embree::Library> library, const std::string& isa,
+                 const std::vector<Mesh>& meshes, uint32_t world_meshes,
+                 const std::vector<MeshRange>& prototypes, const std::vector<Instance>& instances,
+                 const ShapeCallbacks& shapes);
+
+    bool intersect(const Ray& ray, Hit& hit) const {
+        embree::RayHit query;
+        query.ray = embree_ray(ray);
+        query.hit.geom_id = query.hit.inst_id = embree::invalid_id;
+        library_->rtcIntersect1(scene_.get(), &query, nullptr);
+        if (query.hit.geom_id == embree::invalid_id) return false;
+        hit.t = query.ray.tfar;
+        hit.u = query.hit.u;
+        hit.v = query.hit.v;
+        hit.primitive = query.hit.prim_id;
+        if (query.hit.inst_id == embree::invalid_id) {
+            hit.mesh = query.hit.geom_id < world_meshes_ ? query.hit.geom_id : invalid_index;
+            hit.instance = invalid_index;
+        } else {
+            hit.instance = query.hit.inst_id - first_instance_;
+            hit.mesh = instance_first_mesh_[hit.instance] + query.hit.geom_id;
+        }
+        return true;
+    }
+
+    bool occluded(const Ray& ray) const {
+        embree::Ray query = embree_ray(ray);
+        library_->rtcOccluded1(scene_.get(), &query, nullptr);
+        return query.tfar < 0;
+    }
+
+    // Bounds of everything that can be hit; lower > upper where there is nothing.
+    void bounds(Vec3f& lower, Vec3f& upper) const;
+
+private:
+    static embree::Ray embree_ray(const Ray& ray) {
+        return {ray.origin.x,
+                ray.origin.y,
+                ray.origin.z,
+                ray.tnear,
+                ray.direction.x,
+                ray.direction.y,
+                ray.direction.z,
+                0,
+                ray.tfar,
+                0xffffffffu,
+                0,
+                0};
+    }
+    embree::Geometry new_triangles(const Mesh& mesh) const;
+
+    std::shared_ptr<const embree::Library> library_;
+    embree::DevicePointer device_;
+    std::vector<embree::ScenePointer> prototype_scenes_;
+    embree::ScenePointer scene_;
+    std::unique_ptr<ShapeCallbacks> shapes_;
+    std::vector<uint32_t> instance_first_mesh_;
+    uint32_t world_meshes_ = 0;
+    uint32_t first_instance_ = 0;
+};
+
+}  // namespace usdmlt

@@ -1,0 +1,125 @@
+#include "integrators/path_tracer.hpp"
+
+#include "paths/connect.hpp"
+
+namespace usdmlt {
+namespace {
+
+// Bounces whose numbers are stratified: beyond, plain random numbers are as good and cheaper.
+constexpr int stratified_pairs = 16;
+
+// Next-event estimation at z, weighted against BSDF sampling:
+//     w = p_D² / (p_D² + p_B²).
+Spectrum direct_light(const Scene& scene, Sampler& sampler, const SubpathVertex& z,
+                      const SubpathVertex& z_previous, SubpathVertex& x0, RayCounters& counters) {
+    LightDensities densities;
+    if (!sample_light(scene, sampler, z, x0, densities)) return {};
+    const Spectrum value = join(scene, x0, nullptr, z, &z_previous);
+    if (is_black(value)) return {};
+    const float edge = transmittance(scene, x0, z, counters);
+    if (edge == 0) return {};
+    double other = 0;
+    if (!x0.light.delta) {
+        const float pdf =
+            z.closure.pdf(direction_to(z, z_previous), direction_to(z, x0), Known::eye);
+        other = squared_ratio(area_density(pdf, z, x0) * edge, densities.direct);
+    }
+    return value * static_cast<float>(edge / (1 + other));
+}
+
+}  // namespace
+
+Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampler, Vec2f raster,
+                    PathTracerScratch& scratch, UnitStatistics& statistics, float& alpha) {
+    const Camera& camera = scene.camera;
+    SubpathVertex* previous = &scratch.vertices[0];
+    SubpathVertex* v = &scratch.vertices[1];
+    SubpathVertex& x0 = scratch.vertices[2];
+    const Vec3f lens =
+        camera.lens_radius > 0 ? camera.sample_lens(sampler.next_2d()) : camera.position;
+    camera_vertex(scene, lens, *previous);
+    const CameraRay camera_ray = camera.ray(raster, lens);
+    Ray ray{camera_ray.origin, camera_ray.tnear, camera_ray.direction, camera_ray.tfar};
+
+    Spectrum radiance_sum, throughput(1.0f);
+    double pdf = 0;  // of the ray's direction, by the BSDF
+    alpha = 0;
+    const auto record = [&](const Spectrum& value, int edges) {
+        if (!is_finite(value)) {
+            ++statistics.non_finite;
+            return;
+        }
+        radiance_sum += value;
+        statistics.energy[static_cast<size_t>(edges)] += luminance(value);
+    };
+    for (int k = 1; k <= settings.depth; ++k) {
+        Hit hit;
+        if (trace(scene, ray, sampler.stream(), statistics.rays, hit, v->opacity,
+                  v->edge_transmittance)) {
+            surface_vertex(scene, hit, *v);
+            if (k == 1) alpha = 1;
+        } else {
+            LightPoint point;
+            if (!environment_point(scene.lights, ray.direction, point)) break;
+            if (k == 1 && !settings.background) break;
+            light_vertex(scene, point, *v);
+        }
+        if (v->is_light && k >= settings.min_edges) {
+            Spectrum value = throughput * radiance(scene.lights, v->light, -ray.direction);
+            if (!is_black(value)) {
+                if (k > 1 && previous->component == non_delta) {
+                    const double p = area_density(pdf, *previous, *v) * v->edge_transmittance;
+                    const double direct = pdf_direct(scene.lights, v->light, previous->position);
+                    value *= static_cast<float>(1 / (1 + squared_ratio(direct, p)));
+                }
+                record(value, k);
+            }
+        }
+        if (v->infinite || v->closure.lobe_count == 0 || k == settings.depth) break;
+
+        v->throughput = throughput;
+        if (v->closure.has_non_delta && k + 1 >= settings.min_edges)
+            record(direct_light(scene, sampler, *v, *previous, x0, statistics.rays), k + 1);
+
+        const Vec2f u = sampler.next_2d();
+        const Vec2f choice = sampler.next_2d();
+        ClosureSample sample;
+        if (!v->closure.sample(-ray.direction, Known::eye, choice.x, u, sample)) break;
+        v->component = sample.component;
+        throughput *= sampling_weight(*v, -ray.direction, Known::eye, sample);
+        const float w = max_component(throughput);
+        if (!(w > 0)) break;
+        if (k > 1) {
+            const float q = continuation_probability(w);
+            if (choice.y >= q) break;
+            throughput *= 1 / q;
+        }
+        pdf = sample.pdf;
+        ray = {offset_origin(*v, sample.direction), 0, sample.direction, infinite_distance};
+        std::swap(v, previous);
+    }
+    return radiance_sum;
+}
+
+void render_path_unit(const Scene& scene, const Settings& settings, const Tiles& tiles,
+                      int64_t index, PathTracerScratch& scratch, Film& film,
+                      UnitStatistics& statistics) {
+    const Tiles::Unit unit = tiles.unit(index);
+    for (int y = unit.y0; y < unit.y1; ++y)
+        for (int x = unit.x0; x < unit.x1; ++x) {
+            const uint64_t pixel = uint64_t(y) * uint64_t(tiles.width) + uint64_t(x);
+            Sampler sampler(hash_key(settings.seed, pixel), unit.pass, stratified_pairs);
+            const Vec2f jitter = sampler.next_2d();
+            Vec2f raster = Vec2f{float(x), float(y)} + jitter;
+            if (settings.filter.kind != PixelFilter::Kind::box)
+                raster = raster + settings.filter.offset(sampler.next_2d());
+            float alpha;
+            const Spectrum value =
+                trace_path(scene, settings, sampler, raster, scratch, statistics, alpha);
+            ++statistics.samples;
+            const double sum[4] = {value[0], value[1], value[2], alpha};
+            film.add_samples(x, y, sum, 1);
+        }
+}
+
+}  // namespace usdmlt

@@ -1,0 +1,126 @@
+#include "paths/connect.hpp"
+
+namespace usdmlt {
+namespace {
+
+// Density with which a light vertex x0 generates the next vertex, in area measure.
+double density_from_light(const Scene& scene, const Vertex& x0, const Vertex& x1, float edge) {
+    const double pdf = x0.infinite ? pdf_origin(scene.lights)
+                                   : pdf_direction(scene.lights, x0.light, direction_to(x0, x1));
+    return area_density(pdf, x0, x1) * edge;
+}
+
+// Density with which the lens generates x_{k−1}.
+double density_from_lens(const Scene& scene, const Vertex& lens, const Vertex& x, float edge) {
+    const Camera& camera = scene.camera;
+    const double pdf =
+        camera.orthographic ? camera.pdf_origin() : camera.pdf_direction(direction_to(lens, x));
+    return area_density(pdf, lens, x) * edge;
+}
+
+// Density with which `v`, reached from `from`, generates `to` by its non-Dirac lobes.
+double density_by_scattering(const Vertex& v, const Vertex& from, const Vertex& to, Known role,
+                             float edge) {
+    return area_density(v.closure.pdf(direction_to(v, from), direction_to(v, to), role), v, to) *
+           edge;
+}
+
+}  // namespace
+
+double strategy_weight(const Scene& scene, const SubpathVertex* x, const SubpathVertex* x_previous,
+                       int s, const SubpathVertex& z, const SubpathVertex* z_previous, int t,
+                       const LightDensities& densities, float edge) {
+    // k = 1: light seen directly has one strategy.
+    if (s + t == 2) return 1;
+
+    double towards_light = 0;  // strategies with fewer light vertices than s
+    if (s >= 1) {
+        const double p_eye = z_previous
+                                 ? density_by_scattering(z, *z_previous, *x, Known::eye, edge)
+                                 : density_from_lens(scene, z, *x, edge);
+        if (s == 1) {
+            towards_light = x->light.delta ? 0 : squared_ratio(p_eye, densities.direct);
+        } else {
+            const double p_eye_previous =
+                density_by_scattering(*x, z, *x_previous, Known::eye, x->edge_transmittance);
+            double r1 = squared_ratio(p_eye, x->pdf_forward);
+            double r2 = squared_ratio(p_eye_previous, x_previous->pdf_forward);
+            const double direct = squared_ratio(densities.direct, densities.point);
+            if (s == 2) {
+                r1 *= direct;
+                r2 = squared_ratio(p_eye_previous, densities.direct);
+            } else if (s == 3) {
+                r2 *= direct;
+            }
+            const bool joins = x_previous->component == non_delta && x_previous->can_connect();
+            towards_light = r1 * ((joins ? 1 : 0) + r2 * x_previous->strategy_sum);
+        }
+    }
+
+    double towards_eye = 0;  // strategies with fewer camera vertices than t
+    if (t >= 2) {
+        double p_light, p_light_previous;
+        if (s == 0) {
+            p_light = densities.direct;
+            p_light_previous = density_from_light(scene, z, *z_previous, z.edge_transmittance) *
+                               (densities.direct > 0 ? densities.point / densities.direct : 0);
+        } else {
+            if (s == 1)
+                p_light = density_from_light(scene, *x, z, edge) *
+                          (densities.direct > 0 ? densities.point / densities.direct : 0);
+            else
+                p_light = density_by_scattering(*x, *x_previous, z, Known::light, edge);
+            p_light_previous = t > 2 ? density_by_scattering(z, *x, *z_previous, Known::light,
+                                                             z.edge_transmittance)
+                                     : 0;
+        }
+        const bool joins = z_previous->component == non_delta && z_previous->can_connect();
+        towards_eye = squared_ratio(p_light, z.pdf_forward) *
+                      ((joins ? 1 : 0) + squared_ratio(p_light_previous, z_previous->pdf_forward) *
+                                             z_previous->strategy_sum);
+    }
+    return 1 / (1 + towards_light + towards_eye);
+}
+
+Spectrum emitted_contribution(const Scene& scene, const Subpath& camera, int t) {
+    const SubpathVertex& z = camera[t - 1];
+    return z.throughput * radiance(scene.lights, z.light, direction_to(z, camera[t - 2]));
+}
+
+LightDensities light_densities(const Scene& scene, const SubpathVertex& x0,
+                               const SubpathVertex& x1) {
+    return {pdf_point(scene.lights, x0.light), pdf_direct(scene.lights, x0.light, x1.position)};
+}
+
+bool sample_light(const Scene& scene, Sampler& sampler, const SubpathVertex& z, SubpathVertex& x0,
+                  LightDensities& densities) {
+    const float u_select = sampler.next_1d();
+    LightPoint point;
+    if (!sample_direct(scene.lights, z.position, u_select, sampler.next_2d(), point,
+                       densities.direct))
+        return false;
+    light_vertex(scene, point, x0);
+    x0.throughput = Spectrum(static_cast<float>(1 / densities.direct));
+    densities.point = pdf_point(scene.lights, point);
+    x0.pdf_forward = densities.point;
+    return true;
+}
+
+Spectrum join(const Scene& scene, const SubpathVertex& x, const SubpathVertex* x_previous,
+              const SubpathVertex& z, const SubpathVertex* z_previous) {
+    const Vec3f to_z = direction_to(x, z), to_x = -to_z;
+    Spectrum value = x.throughput * z.throughput;
+    if (z_previous)
+        value *= scattering(z, to_x, direction_to(z, *z_previous));
+    else
+        value *= static_cast<float>(scene.camera.importance(to_x) / scene.camera.pdf_lens());
+    if (is_black(value)) return {};
+    if (x_previous)
+        value *= scattering(x, direction_to(x, *x_previous), to_z);
+    else
+        value *= radiance(scene.lights, x.light, to_z) * x.opacity;
+    if (is_black(value)) return {};
+    return value * static_cast<float>(geometry_term(x, z));
+}
+
+}  // namespace usdmlt

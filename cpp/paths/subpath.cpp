@@ -1,0 +1,134 @@
+#include "paths/subpath.hpp"
+
+namespace usdmlt {
+namespace {
+
+// Scatterings before roulette starts.
+constexpr int roulette_start = 2;
+
+// Walks on from the last vertex of `path` along `ray`, whose direction (or origin, from infinity)
+// has density `pdf`; `weight` is the throughput that arrives.
+void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf, Spectrum weight,
+          int max_vertices, RayCounters& counters, Subpath& path) {
+    const float start = max_component(weight);
+    for (;;) {
+        SubpathVertex& previous = path[path.count - 1];
+        SubpathVertex& v = path[path.count];
+        Hit hit;
+        const bool found =
+            trace(scene, ray, sampler.stream(), counters, hit, v.opacity, v.edge_transmittance);
+        if (!found) {
+            LightPoint point;
+            if (role == Known::light || !environment_point(scene.lights, ray.direction, point))
+                return;
+            light_vertex(scene, point, v);
+            v.opacity = 1;
+        } else {
+            surface_vertex(scene, hit, v);
+        }
+        v.throughput = weight;
+        v.pdf_forward = area_density(pdf, previous, v) * v.edge_transmittance;
+        v.pdf_reverse = 0;
+        v.strategy_sum = 0;
+        ++path.count;
+        if (path.count == max_vertices || v.infinite || v.closure.lobe_count == 0) return;
+
+        const Vec3f known = -ray.direction;
+        const Vec2f u = sampler.next_2d();
+        const Vec2f choice = sampler.next_2d();
+        ClosureSample sample;
+        if (!v.closure.sample(known, role, choice.x, u, sample)) return;
+        v.component = sample.component;
+        const Known reverse = role == Known::eye ? Known::light : Known::eye;
+        previous.pdf_reverse =
+            area_density(v.closure.pdf(sample.direction, known, reverse, sample.component), v,
+                         previous) *
+            v.edge_transmittance;
+        // Strategy that would join the previous vertex to this one.
+        const int n = path.count - 1;
+        const bool joins =
+            v.component == non_delta && previous.component == non_delta && previous.can_connect();
+        double ratio = squared_ratio(previous.pdf_reverse, previous.pdf_forward);
+        if (role == Known::light) {
+            // x0 is sampled differently when it is joined to x1 (next-event estimation).
+            if (n == 1) {
+                path.pdf_direct = pdf_direct(scene.lights, previous.light, v.position);
+                ratio = squared_ratio(previous.pdf_reverse, path.pdf_direct);
+            } else if (n == 2) {
+                ratio *= squared_ratio(path.pdf_direct, path.pdf_point);
+            }
+        }
+        v.strategy_sum = (joins ? 1 : 0) + ratio * previous.strategy_sum;
+
+        weight *= sampling_weight(v, known, role, sample);
+        const float w = max_component(weight);
+        if (!(w > 0)) return;
+        if (n > roulette_start) {
+            const float q = continuation_probability(w / start);
+            if (choice.y >= q) return;
+            weight *= 1 / q;
+        }
+        pdf = sample.pdf;
+        ray = {offset_origin(v, sample.direction), 0, sample.direction, infinite_distance};
+    }
+}
+
+}  // namespace
+
+void trace_camera_subpath(const Scene& scene, Sampler& sampler, Vec2f raster, int max_vertices,
+                          RayCounters& counters, Subpath& path) {
+    const Camera& camera = scene.camera;
+    const Vec3f lens =
+        camera.lens_radius > 0 ? camera.sample_lens(sampler.next_2d()) : camera.position;
+    SubpathVertex& v = path[0];
+    camera_vertex(scene, lens, v);
+    v.throughput = Spectrum(1.0f);
+    v.pdf_forward = camera.pdf_lens();
+    v.pdf_reverse = 0;
+    v.strategy_sum = 0;  // no light subpath meets the lens
+    path.count = 1;
+    if (max_vertices < 2) return;
+    const CameraRay ray = camera.ray(raster, lens);
+    const double pdf =
+        camera.orthographic ? camera.pdf_origin() : camera.pdf_direction(ray.direction);
+    walk(scene, sampler, Known::eye, {ray.origin, ray.tnear, ray.direction, ray.tfar}, pdf,
+         Spectrum(1.0f), max_vertices, counters, path);
+}
+
+void trace_light_subpath(const Scene& scene, Sampler& sampler, int max_vertices,
+                         RayCounters& counters, Subpath& path) {
+    path.count = 0;
+    const float u_select = sampler.next_1d();
+    const Vec2f u_point = sampler.next_2d(), u_direction = sampler.next_2d();
+    LightPoint point;
+    if (max_vertices < 1 || !sample_point(scene.lights, u_select, u_point, point, path.pdf_point))
+        return;
+    SubpathVertex& v = path[0];
+    light_vertex(scene, point, v);
+    v.throughput = Spectrum(static_cast<float>(1 / path.pdf_point));
+    v.pdf_forward = path.pdf_point;
+    v.pdf_reverse = 0;
+    v.strategy_sum = point.delta ? 0 : 1;  // s = 0: found by a camera subpath
+    path.count = 1;
+    if (max_vertices < 2) return;
+
+    Ray ray;
+    double pdf;
+    double weight = v.opacity / path.pdf_point;
+    if (point.infinite) {
+        sample_origin(scene.lights, point.direction, u_direction, ray.origin, pdf);
+        ray.direction = -point.direction;
+        weight /= pdf;
+    } else {
+        if (!sample_direction(scene.lights, point, u_direction, ray.direction, pdf)) return;
+        ray.origin = offset_origin(v, ray.direction);
+        weight *= abs_dot(v.normal, ray.direction) / pdf;
+    }
+    ray.tfar = infinite_distance;
+    const Spectrum emitted = radiance(scene.lights, point, ray.direction);
+    if (is_black(emitted)) return;
+    walk(scene, sampler, Known::light, ray, pdf, emitted * static_cast<float>(weight), max_vertices,
+         counters, path);
+}
+
+}  // namespace usdmlt

@@ -1,0 +1,56 @@
+// Subpaths: random walks from a light or from the camera, with the densities of both directions.
+//
+// Symbols as in Veach (1997, ch. 10): a path x0 … xk, x0 on a light, xk on the lens; a strategy
+// (s, t) makes s vertices from the light and t = k + 1 − s from the camera. For every vertex,
+//     pdf_forward   density with which this subpath generated it,
+//     pdf_reverse   density with which the other end would have generated it,
+// in area measure. Russian roulette is left out of both: the weights that are made of them stay a
+// function of the path alone, and sum to one.
+#pragma once
+
+#include "base/sampler.hpp"
+#include "paths/trace.hpp"
+
+namespace usdmlt {
+
+struct SubpathVertex : Vertex {
+    Spectrum throughput;  // of the subpath up to here, before scattering here
+    double pdf_forward = 0;
+    double pdf_reverse = 0;
+    float edge_transmittance = 1;  // of the edge from the previous vertex
+    // Power-heuristic sum of the strategies that leave this subpath no more than this vertex's
+    // index in vertices, relative to the strategy of exactly that many: see connect.hpp.
+    double strategy_sum = 0;
+};
+
+// Vertices of one thread: capacity is chosen once, from the depth limit.
+struct Subpath {
+    std::vector<SubpathVertex> vertices;
+    int count = 0;
+    double pdf_point = 0;   // light subpaths: density of x0 by sample_point,
+    double pdf_direct = 0;  // and by sample_direct seen from x1
+
+    explicit Subpath(int capacity) : vertices(static_cast<size_t>(capacity)) {}
+    SubpathVertex& operator[](int i) { return vertices[static_cast<size_t>(i)]; }
+    const SubpathVertex& operator[](int i) const { return vertices[static_cast<size_t>(i)]; }
+};
+
+// p_(s)/p_(s+1) between neighbouring strategies is squared: the power heuristic, β = 2.
+inline double squared_ratio(double a, double b) { return b > 0 ? (a / b) * (a / b) : 0; }
+
+// Camera subpath of at most `max_vertices` vertices through a raster point; the first is the lens.
+// An escaping ray ends in a vertex at infinity where there is an environment.
+void trace_camera_subpath(const Scene& scene, Sampler& sampler, Vec2f raster, int max_vertices,
+                          RayCounters& counters, Subpath& subpath);
+
+// Light subpath of at most `max_vertices` vertices; empty where no light could be sampled.
+void trace_light_subpath(const Scene& scene, Sampler& sampler, int max_vertices,
+                         RayCounters& counters, Subpath& subpath);
+
+// Continuation probability of a walk whose throughput, relative to its start, is `throughput`.
+// The floor keeps the weight of a survivor bounded.
+inline float continuation_probability(float throughput) {
+    return std::clamp(throughput, 0.05f, 1.0f);
+}
+
+}  // namespace usdmlt

@@ -1,0 +1,231 @@
+#include "paths/trace.hpp"
+
+namespace usdmlt {
+namespace {
+
+// Position, geometric normal and rounding error of a hit on a mesh.
+// |error| ≤ γ Σ bᵢ|vᵢ| for the interpolation (Pharr, Jakob & Humphreys 2016, §3.9); the factor also
+// covers the traversal's own rounding.
+struct MeshPoint {
+    Vec3f position, normal;  // normal: unit
+    float error;
+    bool mirrored;  // the instance's transform flips handedness
+};
+
+constexpr float error_factor = 0x1p-19f;
+
+Vec3f abs(Vec3f v) { return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}; }
+
+float max_component(Vec3f v) { return std::max({v.x, v.y, v.z}); }
+
+MeshPoint position_on_mesh(const Scene& scene, const Hit& hit) {
+    const Mesh& mesh = scene.meshes[hit.mesh];
+    const Triangle& t = mesh.triangles[hit.primitive];
+    Vec3f p0 = mesh.positions[t.v[0]], p1 = mesh.positions[t.v[1]], p2 = mesh.positions[t.v[2]];
+    MeshPoint out;
+    out.mirrored = false;
+    float extra = 0;
+    if (hit.instance != invalid_index) {
+        const Affine3f& m = scene.instances[hit.instance].to_world;
+        // Rounding of the local coordinates, seen through the transform.
+        const Vec3f local = max(abs(p0), max(abs(p1), abs(p2)));
+        extra = max_component(abs(m.x) * local.x + abs(m.y) * local.y + abs(m.z) * local.z +
+                              abs(m.origin));
+        p0 = m.point(p0);
+        p1 = m.point(p1);
+        p2 = m.point(p2);
+        out.mirrored = m.determinant() < 0;
+    }
+    const float b0 = 1 - hit.u - hit.v;
+    out.position = p0 * b0 + p1 * hit.u + p2 * hit.v;
+    const Vec3f n = normalize(cross(p1 - p0, p2 - p0));
+    out.normal = out.mirrored ? -n : n;
+    out.error =
+        (max_component(abs(p0) * b0 + abs(p1) * hit.u + abs(p2) * hit.v) + extra) * error_factor;
+    return out;
+}
+
+Vec3f interpolate(const CornerValues& values, const Triangle& triangle, uint32_t index, float u,
+                  float v) {
+    const float b0 = 1 - u - v;
+    const float* a = values.at(triangle, index, 0);
+    const float* b = values.at(triangle, index, 1);
+    const float* c = values.at(triangle, index, 2);
+    return {b0 * a[0] + u * b[0] + v * c[0], b0 * a[1] + u * b[1] + v * c[1],
+            b0 * a[2] + u * b[2] + v * c[2]};
+}
+
+// Opacity of the surface a light point lies on: only meshes have one.
+float light_opacity(const Scene& scene, const LightPoint& point) {
+    if (scene.all_opaque || point.infinite) return 1;
+    const auto* light = std::get_if<MeshLight>(&scene.lights.lights[point.light]);
+    if (!light) return 1;
+    const uint32_t material = light->mesh->material_of(point.primitive);
+    return is_opaque(scene.materials, material) ? 1
+                                                : opacity(scene.materials, material, *light->mesh,
+                                                          point.primitive, point.uv.x, point.uv.y);
+}
+
+}  // namespace
+
+void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
+    v.kind = VertexKind::surface;
+    v.infinite = false;
+    v.component = non_delta;
+    v.mesh = hit.mesh;
+    v.triangle = hit.primitive;
+    v.instance = hit.instance;
+    v.uv = {hit.u, hit.v};
+    if (hit.mesh == invalid_index) {
+        // A light's own shape: emits, scatters nothing.
+        v.light = shape_point(scene.lights, hit.primitive, v.uv);
+        v.is_light = true;
+        v.position = v.light.position;
+        v.normal = v.light.normal;
+        v.position_error = max_component(abs(v.position)) * error_factor;
+        v.closure.geometric_normal = v.normal;
+        v.closure.shading.z = v.normal;
+        v.closure.emission = {};
+        v.closure.lobe_count = v.closure.cover_count = 0;
+        v.closure.has_non_delta = false;
+        return;
+    }
+    const Mesh& mesh = scene.meshes[hit.mesh];
+    const Triangle& t = mesh.triangles[hit.primitive];
+    const MeshPoint p = position_on_mesh(scene, hit);
+    v.position = p.position;
+    v.normal = p.normal;
+    v.position_error = p.error;
+    v.closure.geometric_normal = p.normal;
+    Vec3f n = p.normal;
+    if (!mesh.normals.empty()) {
+        n = interpolate(mesh.normals, t, hit.primitive, hit.u, hit.v);
+        if (hit.instance != invalid_index) n = scene.instances[hit.instance].to_world.normal(n);
+        const float n2 = length_squared(n);
+        n = n2 > 0 ? n * (1 / std::sqrt(n2)) : p.normal;
+        if (dot(n, p.normal) < 0) n = -n;
+    }
+    const uint32_t material = mesh.material_of(hit.primitive);
+    const uint32_t primvar = scene.materials.materials[material].tangent_primvar;
+    Vec3f dpds;
+    if (primvar != invalid_index) {
+        dpds = tangent_along_s(mesh, hit.primitive, primvar);
+        if (hit.instance != invalid_index)
+            dpds = scene.instances[hit.instance].to_world.vector(dpds);
+    }
+    v.closure.shading = Frame::from_normal(n);
+    evaluate_material(scene.materials, material, mesh, hit.primitive, hit.u, hit.v, dpds, v.closure,
+                      p.mirrored);
+    v.is_light = false;
+    if (is_emissive(scene.materials, material)) {
+        const uint32_t light = scene.light_of(hit.mesh, hit.instance);
+        if (light != invalid_index) {
+            v.light = mesh_point(scene.lights, light, hit.primitive, hit.u, hit.v);
+            v.is_light = true;
+        }
+    }
+}
+
+void light_vertex(const Scene& scene, const LightPoint& point, Vertex& v) {
+    v.kind = VertexKind::light;
+    v.component = non_delta;
+    v.is_light = true;
+    v.infinite = point.infinite;
+    v.light = point;
+    v.position = point.position;
+    v.normal = point.normal;
+    v.direction = point.direction;
+    v.position_error = point.infinite ? 0 : max_component(abs(point.position)) * error_factor;
+    v.opacity = light_opacity(scene, point);
+}
+
+void camera_vertex(const Scene& scene, Vec3f lens_point, Vertex& v) {
+    v.kind = VertexKind::camera;
+    v.component = non_delta;
+    v.is_light = false;
+    v.infinite = scene.camera.orthographic;
+    v.position = lens_point;
+    v.normal = scene.camera.forward;
+    v.direction = -scene.camera.forward;
+    v.position_error = 0;
+    v.opacity = 1;
+}
+
+bool trace(const Scene& scene, Ray ray, RandomStream& random, RayCounters& counters, Hit& hit,
+           float& opacity_out, float& transmittance_out) {
+    transmittance_out = 1;
+    opacity_out = 1;
+    for (;;) {
+        ++counters.closest;
+        if (!scene.acceleration->intersect(ray, hit)) return false;
+        if (scene.all_opaque || hit.mesh == invalid_index) return true;
+        const Mesh& mesh = scene.meshes[hit.mesh];
+        const uint32_t material = mesh.material_of(hit.primitive);
+        if (is_opaque(scene.materials, material)) return true;
+        const float alpha = opacity(scene.materials, material, mesh, hit.primitive, hit.u, hit.v);
+        if (alpha >= 1 || (alpha > 0 && random.next_1d() < alpha)) {
+            opacity_out = alpha;
+            return true;
+        }
+        transmittance_out *= 1 - alpha;
+        const MeshPoint p = position_on_mesh(scene, hit);
+        const float side = dot(p.normal, ray.direction) < 0 ? -p.error : p.error;
+        ray.origin = p.position + p.normal * side;
+        ray.tnear = 0;
+        ray.tfar -= hit.t;
+    }
+}
+
+float transmittance(const Scene& scene, Ray ray, RayCounters& counters) {
+    if (scene.all_opaque) {
+        ++counters.shadow;
+        return scene.acceleration->occluded(ray) ? 0.0f : 1.0f;
+    }
+    float product = 1;
+    Hit hit;
+    for (;;) {
+        ++counters.shadow;
+        if (!scene.acceleration->intersect(ray, hit)) return product;
+        if (hit.mesh == invalid_index) return 0;
+        const Mesh& mesh = scene.meshes[hit.mesh];
+        const uint32_t material = mesh.material_of(hit.primitive);
+        if (is_opaque(scene.materials, material)) return 0;
+        product *= 1 - opacity(scene.materials, material, mesh, hit.primitive, hit.u, hit.v);
+        if (!(product > 0)) return 0;
+        const MeshPoint p = position_on_mesh(scene, hit);
+        const float side = dot(p.normal, ray.direction) < 0 ? -p.error : p.error;
+        const Vec3f origin = p.position + p.normal * side;
+        // Keeps the end of the segment where it was.
+        const Vec3f end = ray.origin + ray.direction * ray.tfar;
+        if (ray.tfar < infinite_distance / 2) {
+            ray.direction = end - origin;
+            ray.tfar = 1;
+        }
+        ray.origin = origin;
+        ray.tnear = 0;
+    }
+}
+
+float transmittance(const Scene& scene, const Vertex& a, const Vertex& b, RayCounters& counters) {
+    if (a.kind == VertexKind::camera) return transmittance(scene, b, a, counters);
+    if (a.infinite) return transmittance(scene, b, a, counters);
+    // a is a point now, and not the lens.
+    if (b.kind == VertexKind::camera) {
+        const Camera& camera = scene.camera;
+        const Vec3f to_camera = direction_to(a, b);
+        const Vec3f from = offset_origin(a, to_camera);
+        const float depth = dot(from - camera.position, camera.forward);
+        if (camera.orthographic)
+            return transmittance(scene, {from, 0, to_camera, depth - camera.near}, counters);
+        // Up to the near plane only.
+        return transmittance(scene, {from, 0, b.position - from, 1 - camera.near / depth},
+                             counters);
+    }
+    const Vec3f direction = direction_to(a, b);
+    const Vec3f from = offset_origin(a, direction);
+    if (b.infinite) return transmittance(scene, {from, 0, direction, infinite_distance}, counters);
+    const Vec3f to = offset_origin(b, -direction);
+    return transmittance(scene, {from, 0, to - from, 1}, counters);
+}
+
+}  // namespace usdmlt

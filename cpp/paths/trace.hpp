@@ -1,0 +1,40 @@
+// Ray queries between vertices, and the vertices that rays meet.
+//
+// A surface of opacity α < 1 is passed with 1 − α: the edge's factor in f and in the density of
+// traced edges alike. A traced ray stops there with probability α.
+#pragma once
+
+#include "base/rng.hpp"
+#include "paths/vertex.hpp"
+#include "scene/scene.hpp"
+
+namespace usdmlt {
+
+// Per-thread counters; rays are counted by kind.
+struct RayCounters {
+    uint64_t closest = 0, shadow = 0;
+};
+
+inline constexpr float infinite_distance = 1e30f;
+
+// Fills a surface vertex from a hit: frames, closure, light.
+void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v);
+
+// Makes the vertex of a point of a light (a surface point or a direction at infinity).
+void light_vertex(const Scene& scene, const LightPoint& point, Vertex& v);
+
+// Makes the lens vertex of a perspective camera, or the direction of an orthographic one.
+void camera_vertex(const Scene& scene, Vec3f lens_point, Vertex& v);
+
+// Follows a ray to the surface where it stops. `transmittance` is the product of 1 − α of the
+// surfaces it passed. False: it escaped.
+bool trace(const Scene& scene, Ray ray, RandomStream& random, RayCounters& counters, Hit& hit,
+           float& opacity, float& transmittance);
+
+// Product of 1 − α along a segment: 1 where it is free, 0 where something opaque is in the way.
+float transmittance(const Scene& scene, Ray ray, RayCounters& counters);
+
+// The same between two vertices (one of them may be at infinity, or the lens).
+float transmittance(const Scene& scene, const Vertex& a, const Vertex& b, RayCounters& counters);
+
+}  // namespace usdmlt

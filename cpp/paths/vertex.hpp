@@ -1,0 +1,97 @@
+// A vertex of a path: x0 on a light, xk on the lens, surface points between.
+#pragma once
+
+#include <cstdint>
+
+#include "geometry/acceleration.hpp"
+#include "lights/light.hpp"
+#include "materials/closure.hpp"
+
+namespace usdmlt {
+
+enum class VertexKind : uint8_t { camera, light, surface };
+
+inline constexpr uint16_t vacuum = 0;
+
+struct Vertex {
+    VertexKind kind = VertexKind::surface;
+    bool infinite = false;            // a direction, not a point: `direction`
+    bool is_light = false;            // `light` is set: the vertex can be a path's x0
+    Component component = non_delta;  // how the path scatters here
+    Vec3f position;
+    Vec3f normal;              // geometric; the view axis on the lens
+    Vec3f direction;           // infinite: unit, from the scene towards it
+    float position_error = 0;  // bound of the position's rounding error, scene units
+    float opacity = 1;         // fraction of the surface that is there
+    uint16_t interior = vacuum, exterior = vacuum;  // media on the two sides of the normal
+    uint32_t mesh = invalid_index, triangle = 0, instance = invalid_index;
+    Vec2f uv;  // barycentrics, or a shape's parameters
+    LightPoint light;
+    Closure closure;  // surfaces only
+
+    bool is_surface() const { return kind == VertexKind::surface; }
+    bool can_connect() const { return kind != VertexKind::surface || closure.has_non_delta; }
+};
+
+// Unit direction from a to b.
+inline Vec3f direction_to(const Vertex& a, const Vertex& b) {
+    if (b.infinite) return b.direction;
+    if (a.infinite) return -a.direction;
+    return normalize(b.position - a.position);
+}
+
+// A point of the surface pushed off it by its rounding error, to the side of `direction`.
+inline Vec3f offset_origin(const Vertex& v, Vec3f direction) {
+    const float d = dot(v.normal, direction) < 0 ? -v.position_error : v.position_error;
+    return v.position + v.normal * d;
+}
+
+// ---- densities and geometry terms: their only place ------------------------------------------
+
+// Geometry term of the edge a–b in area measure:
+//     G = |cosθa cosθb| / r²,   and |cosθb| where a is at infinity (a direction, solid angle).
+inline double geometry_term(const Vertex& a, const Vertex& b) {
+    if (a.infinite) return abs_dot(b.normal, a.direction);
+    if (b.infinite) return abs_dot(a.normal, b.direction);
+    const Vec3f d = b.position - a.position;
+    const double r2 = length_squared(d);
+    if (r2 == 0) return 0;
+    return std::fabs(double(dot(a.normal, d)) * dot(b.normal, d)) / (r2 * r2);
+}
+
+// Converts the density with which `from` generates `to` into area measure:
+//     p_A(to) = p_ω |cosθ_to| / r²;
+// from a vertex at infinity, p is the area density of the ray's origin: p_A = p |cosθ_to|; towards
+// infinity it stays in solid angle. The stop at a partly opaque surface is part of it.
+inline double area_density(double pdf, const Vertex& from, const Vertex& to) {
+    if (to.infinite) return pdf;
+    if (from.infinite) return pdf * abs_dot(to.normal, from.direction) * to.opacity;
+    const Vec3f d = to.position - from.position;
+    const double r2 = length_squared(d);
+    if (r2 == 0) return 0;
+    return pdf * std::fabs(double(dot(to.normal, d))) / (r2 * std::sqrt(r2)) * to.opacity;
+}
+
+// Scattering at a vertex in the area-product measure: f·|cosθ_s|/|cosθ_g| at the light's side. The
+// ratio is Veach's adjoint correction for shading normals (1997, §5.3), written for light that
+// travels from `to_light` to `to_eye`; geometry terms use geometric normals.
+inline Spectrum scattering(const Vertex& v, Vec3f to_light, Vec3f to_eye,
+                           Component component = non_delta) {
+    const Spectrum f = v.closure.evaluate(to_light, to_eye, component);
+    const float cos_g = abs_dot(to_light, v.normal);
+    if (is_black(f) || cos_g == 0) return {};
+    return f * (abs_dot(to_light, v.closure.shading.z) / cos_g);
+}
+
+// Throughput factor of sampling a direction at a vertex: scattering·|cosθ_g(sampled)|/p.
+inline Spectrum sampling_weight(const Vertex& v, Vec3f known, Known role,
+                                const ClosureSample& sample) {
+    if (role == Known::eye)
+        return sample.value * (abs_dot(sample.direction, v.closure.shading.z) / sample.pdf);
+    const float cos_g = abs_dot(known, v.normal);
+    if (cos_g == 0) return {};
+    return sample.value * (abs_dot(known, v.closure.shading.z) *
+                           abs_dot(sample.direction, v.normal) / (cos_g * sample.pdf));
+}
+
+}  // namespace usdmlt

@@ -1,0 +1,121 @@
+#include "python/bind_render.hpp"
+
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+
+#include "integrators/render.hpp"
+
+namespace py = pybind11;
+
+namespace usdmlt {
+namespace {
+
+Settings make_settings(const std::string& integrator, int samples, int depth, uint64_t seed,
+                       const std::string& filter, int min_edges, bool background) {
+    Settings s;
+    if (integrator == "bdpt")
+        s.integrator = IntegratorKind::bidirectional;
+    else if (integrator != "path")
+        throw std::invalid_argument("unknown integrator '" + integrator + "'");
+    if (filter == "box")
+        s.filter.kind = PixelFilter::Kind::box;
+    else if (filter != "gaussian")
+        throw std::invalid_argument("unknown pixel filter '" + filter + "'");
+    if (samples < 1) throw std::invalid_argument("samples must be at least 1");
+    if (depth < 1) throw std::invalid_argument("depth must be at least 1");
+    s.samples = samples;
+    s.depth = depth;
+    s.seed = seed;
+    s.min_edges = min_edges;
+    s.background = background;
+    return s;
+}
+
+int64_t run(Render& render, int64_t last_unit, int threads, std::optional<double> deadline_seconds,
+            const std::optional<py::function>& poll) {
+    RunLimits limits;
+    limits.threads = std::max(threads, 1);
+    limits.seconds = deadline_seconds ? std::max(*deadline_seconds, 1e-9) : 0;
+    bool failed = false;
+    py::error_already_set* error = nullptr;
+    std::unique_ptr<py::error_already_set> holder;
+    const int64_t before = render.units_done();
+    limits.poll = [&](int64_t started) {
+        const py::gil_scoped_acquire acquire;
+        try {
+            if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+            return poll && py::cast<bool>((*poll)(before + started));
+        } catch (py::error_already_set& e) {
+            // Started units finish first; the exception is raised after them.
+            holder = std::make_unique<py::error_already_set>(std::move(e));
+            error = holder.get();
+            failed = true;
+            return true;
+        }
+    };
+    {
+        const py::gil_scoped_release release;
+        render.run(std::min(last_unit, render.units_total()), limits);
+    }
+    if (failed) throw std::move(*error);
+    return render.units_done();
+}
+
+py::array_t<float> image(const Render& render) {
+    const Film& film = render.film();
+    py::array_t<float> out({film.height(), film.width(), 4});
+    film.develop(out.mutable_data(), render.scene().exposure);
+    return out;
+}
+
+py::dict stats(const Render& render) {
+    const Statistics& s = render.statistics();
+    const double seconds = render.seconds(), cpu = render.cpu_seconds();
+    const auto rays = double(s.closest() + s.shadow());
+    const auto rate = [](double n, double t) { return t > 0 ? n / t : 0; };
+    py::dict out;
+    out["samples"] = s.samples();
+    out["rays"] = s.closest() + s.shadow();
+    out["closest_rays"] = s.closest();
+    out["shadow_rays"] = s.shadow();
+    out["seconds"] = seconds;
+    out["cpu_seconds"] = cpu;
+    out["samples_per_second"] = rate(double(s.samples()), seconds);
+    out["samples_per_cpu_second"] = rate(double(s.samples()), cpu);
+    out["rays_per_second"] = rate(rays, seconds);
+    out["rays_per_cpu_second"] = rate(rays, cpu);
+    out["path_length_energy"] = s.energy(render.film().scale());
+    out["non_finite"] = s.non_finite();
+    out["overflows"] = render.film().overflows();
+    out["units_done"] = render.units_done();
+    out["units_total"] = render.units_total();
+    return out;
+}
+
+}  // namespace
+
+void bind_render(py::module_& module) {
+    py::class_<Render>(module, "Render")
+        .def(py::init([](std::shared_ptr<Scene> scene, const std::string& integrator, int samples,
+                         int depth, uint64_t seed, const std::string& filter, int min_edges,
+                         bool background) {
+                 const Settings settings =
+                     make_settings(integrator, samples, depth, seed, filter, min_edges, background);
+                 const py::gil_scoped_release release;
+                 return std::make_unique<Render>(std::move(scene), settings);
+             }),
+             py::arg("scene"), py::kw_only(), py::arg("integrator") = "path",
+             py::arg("samples") = 64, py::arg("depth") = 16, py::arg("seed") = 0,
+             py::arg("filter") = "gaussian", py::arg("min_edges") = 1, py::arg("background") = true)
+        .def_property_readonly("units_total", &Render::units_total)
+        .def_property_readonly("units_done", &Render::units_done)
+        .def("run", &run, py::arg("last_unit"), py::arg("threads") = 1,
+             py::arg("deadline_seconds") = py::none(), py::arg("poll") = py::none(),
+             "Renders units [units_done, last_unit) and returns units_done. poll(units_started) is "
+             "called ten times a second; true, a signal or an exception stops handing out units, "
+             "and those that were started are finished.")
+        .def("image", &image, "Linear premultiplied RGBA, (height, width, 4) float32.")
+        .def("stats", &stats);
+}
+
+}  // namespace usdmlt

@@ -1,0 +1,301 @@
+#include "python/bind_scene.hpp"
+
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+
+#include <limits>
+
+#include "base/floating_point.hpp"
+#include "paths/trace.hpp"
+#include "python/bind_lights.hpp"
+#include "python/bind_materials.hpp"
+
+namespace py = pybind11;
+
+namespace usdmlt {
+namespace {
+
+using Floats = py::array_t<float, py::array::c_style | py::array::forcecast>;
+using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using Indices = py::array_t<int32_t, py::array::c_style | py::array::forcecast>;
+
+// Affine transform in double, from USD's row-vector 4×4 matrices.
+struct Affine3d {
+    Vec3d x, y, z, origin;
+
+    Vec3d point(Vec3d p) const { return x * p.x + y * p.y + z * p.z + origin; }
+    double determinant() const { return dot(cross(x, y), z); }
+    Vec3d normal(Vec3d n) const {
+        const Vec3d v = cross(y, z) * n.x + cross(z, x) * n.y + cross(x, y) * n.z;
+        return determinant() < 0 ? v * -1 : v;
+    }
+    Affine3f recentred(Vec3d center) const {
+        return {to_float(x), to_float(y), to_float(z), to_float(origin - center)};
+    }
+};
+
+Affine3d affine(const double* m) {
+    return {{m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}, {m[12], m[13], m[14]}};
+}
+
+Affine3d affine(const py::handle& matrix) {
+    const auto array = py::cast<Doubles>(matrix);
+    if (array.size() != 16) throw std::invalid_argument("a transform must be 4x4");
+    return affine(array.data());
+}
+
+struct BoundsD {
+    Vec3d lower{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(),
+                std::numeric_limits<double>::infinity()};
+    Vec3d upper{-std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
+                -std::numeric_limits<double>::infinity()};
+
+    void add(Vec3d p) {
+        lower = {std::min(lower.x, p.x), std::min(lower.y, p.y), std::min(lower.z, p.z)};
+        upper = {std::max(upper.x, p.x), std::max(upper.y, p.y), std::max(upper.z, p.z)};
+    }
+    void add(const BoundsD& b, const Affine3d& m) {
+        if (b.empty()) return;
+        for (int i = 0; i < 8; ++i)
+            add(m.point({i & 1 ? b.upper.x : b.lower.x, i & 2 ? b.upper.y : b.lower.y,
+                         i & 4 ? b.upper.z : b.lower.z}));
+    }
+    bool empty() const { return lower.x > upper.x; }
+};
+
+BoundsD points_bounds(const Floats& points) {
+    BoundsD b;
+    const float* p = points.data();
+    for (py::ssize_t i = 0; i < points.shape(0); ++i) b.add({p[3 * i], p[3 * i + 1], p[3 * i + 2]});
+    return b;
+}
+
+BoundsD mesh_bounds(const py::handle& mesh) {
+    BoundsD b;
+    b.add(points_bounds(py::cast<Floats>(mesh.attr("points"))), affine(mesh.attr("transform")));
+    return b;
+}
+
+std::vector<Triangle> triangles_of(const Indices& array, bool flipped) {
+    const int32_t* t = array.data();
+    std::vector<Triangle> out(static_cast<size_t>(array.size() / 3));
+    for (size_t i = 0; i < out.size(); ++i) {
+        out[i] = {uint32_t(t[3 * i]), uint32_t(t[3 * i + 1]), uint32_t(t[3 * i + 2])};
+        if (flipped) std::swap(out[i].v[1], out[i].v[2]);
+    }
+    return out;
+}
+
+CornerValues corner_values(const py::handle& primvar, bool flipped) {
+    CornerValues out;
+    const auto values = py::cast<Floats>(primvar.attr("values"));
+    out.width = values.ndim() == 1 ? 1 : static_cast<int>(values.shape(1));
+    out.values.assign(values.data(), values.data() + values.size());
+    const py::object corners = primvar.attr("corners");
+    if (!corners.is_none()) out.corners = triangles_of(py::cast<Indices>(corners), flipped);
+    return out;
+}
+
+// A mesh with its transform applied; a mirroring transform swaps two corners of every triangle.
+Mesh make_mesh(const py::handle& source, Vec3d center, const py::dict& primvar_slots) {
+    Mesh mesh;
+    mesh.name = py::cast<std::string>(source.attr("name"));
+    const Affine3d m = affine(source.attr("transform"));
+    const bool flipped = m.determinant() < 0;
+    const auto points = py::cast<Floats>(source.attr("points"));
+    const float* p = points.data();
+    const auto count = static_cast<size_t>(points.shape(0));
+    mesh.positions.reserve(count + 1);  // Embree reads 16 bytes at the last vertex
+    for (size_t i = 0; i < count; ++i)
+        mesh.positions.push_back(
+            to_float(m.point({p[3 * i], p[3 * i + 1], p[3 * i + 2]}) - center));
+    mesh.triangles = triangles_of(py::cast<Indices>(source.attr("triangles")), flipped);
+
+    const py::object normals = source.attr("normals");
+    if (!normals.is_none()) {
+        mesh.normals = corner_values(normals, flipped);
+        std::vector<float>& v = mesh.normals.values;
+        for (size_t i = 0; i + 2 < v.size(); i += 3) {
+            Vec3d n = m.normal({v[i], v[i + 1], v[i + 2]});
+            const double l = length(n);
+            if (l > 0) n = n * (1 / l);
+            v[i] = float(n.x);
+            v[i + 1] = float(n.y);
+            v[i + 2] = float(n.z);
+        }
+    }
+    const auto primvars = py::cast<py::dict>(source.attr("primvars"));
+    for (const auto& item : primvar_slots) {
+        if (!primvars.contains(item.first)) continue;
+        const auto slot = py::cast<size_t>(item.second);
+        if (mesh.primvars.size() <= slot) mesh.primvars.resize(slot + 1);
+        mesh.primvars[slot] = corner_values(primvars[item.first], flipped);
+    }
+    const py::object materials = source.attr("materials");
+    if (py::isinstance<py::array>(materials)) {
+        const auto array = py::cast<Indices>(materials);
+        mesh.triangle_materials.assign(array.data(), array.data() + array.size());
+    } else {
+        mesh.material = py::cast<uint32_t>(materials);
+    }
+    return mesh;
+}
+
+// Orthonormal axes of a camera transform; `scale` is its uniform scale.
+Camera make_camera(const py::handle& source, Vec3d center, int width, int height) {
+    const Affine3d m = affine(source.attr("transform"));
+    Camera camera;
+    const double scale = std::cbrt(std::fabs(m.determinant()));
+    const Vec3f z = normalize(to_float(m.z));
+    Vec3f x = to_float(m.x);
+    x = normalize(x - z * dot(x, z));
+    Vec3f y = cross(z, x);
+    if (m.determinant() < 0) y = -y;
+    camera.right = x;
+    camera.up = y;
+    camera.forward = -z;
+    camera.position = to_float(m.origin - center);
+    camera.width = width;
+    camera.height = height;
+    camera.orthographic = py::cast<std::string>(source.attr("projection")) == "orthographic";
+    const auto window = py::cast<std::array<double, 4>>(source.attr("window"));
+    const double unit = camera.orthographic ? scale : 1;
+    camera.left = float(window[0] * unit);
+    camera.top = float(window[3] * unit);
+    camera.window_width = float((window[1] - window[0]) * unit);
+    camera.window_height = float((window[3] - window[2]) * unit);
+    if (!camera.orthographic) {
+        camera.lens_radius = float(py::cast<double>(source.attr("lens_radius")) * scale);
+        camera.focus_distance = float(py::cast<double>(source.attr("focus_distance")) * scale);
+    }
+    const auto clipping = py::cast<std::array<double, 2>>(source.attr("clipping"));
+    camera.near = float(std::max(clipping[0] * scale, camera.orthographic ? -1e30 : 0.0));
+    camera.far = float(std::min(clipping[1] * scale, double(infinite_distance)));
+    return camera;
+}
+
+std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& embree_library,
+                                  const std::string& isa) {
+    auto library = embree::load(embree_library);
+    auto scene = std::make_shared<Scene>();
+
+    const py::tuple compiled =
+        py::module_::import("usdmlt.closures").attr("compile_materials")(source);
+    const auto primvar_slots = py::cast<py::dict>(compiled[1]);
+    scene->materials = materials_from_python(py::cast<py::list>(source.attr("textures")),
+                                             py::cast<py::list>(compiled[0]));
+
+    // Bounds in double, to recentre what is far from the origin.
+    BoundsD bounds;
+    const auto meshes = py::cast<py::list>(source.attr("meshes"));
+    const auto prototypes = py::cast<py::list>(source.attr("prototypes"));
+    const auto instances = py::cast<py::list>(source.attr("instances"));
+    const Affine3d identity = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0}};
+    for (const auto& mesh : meshes) bounds.add(mesh_bounds(mesh), identity);
+    std::vector<BoundsD> prototype_bounds;
+    for (const auto& prototype : prototypes) {
+        BoundsD b;
+        for (const auto& mesh : py::cast<py::list>(prototype.attr("meshes")))
+            b.add(mesh_bounds(mesh), identity);
+        prototype_bounds.push_back(b);
+    }
+    for (const auto& entry : instances) {
+        const auto transforms = py::cast<Doubles>(entry.attr("transforms"));
+        const BoundsD& b = prototype_bounds.at(py::cast<size_t>(entry.attr("prototype")));
+        for (py::ssize_t i = 0; i < transforms.size() / 16; ++i)
+            bounds.add(b, affine(transforms.data() + 16 * i));
+    }
+    if (bounds.empty()) bounds.add(affine(source.attr("camera").attr("transform")).origin);
+    const Vec3d center = (bounds.lower + bounds.upper) * 0.5;
+    // Near the origin nothing is gained, and coordinates stay as they were written.
+    if (length(center) > 2 * length(bounds.upper - center)) scene->origin = center;
+    const Vec3d origin = scene->origin;
+
+    for (const auto& mesh : meshes) scene->meshes.push_back(make_mesh(mesh, origin, primvar_slots));
+    scene->world_meshes = static_cast<uint32_t>(scene->meshes.size());
+    for (const auto& prototype : prototypes) {
+        MeshRange range{static_cast<uint32_t>(scene->meshes.size()), 0};
+        for (const auto& mesh : py::cast<py::list>(prototype.attr("meshes"))) {
+            scene->meshes.push_back(make_mesh(mesh, {}, primvar_slots));
+            ++range.count;
+        }
+        scene->prototypes.push_back(range);
+    }
+    for (const auto& entry : instances) {
+        const auto transforms = py::cast<Doubles>(entry.attr("transforms"));
+        const auto prototype = py::cast<uint32_t>(entry.attr("prototype"));
+        if (scene->prototypes.at(prototype).count == 0) continue;
+        for (py::ssize_t i = 0; i < transforms.size() / 16; ++i)
+            scene->instances.push_back(
+                {prototype, affine(transforms.data() + 16 * i).recentred(origin)});
+    }
+
+    scene->camera = make_camera(source.attr("camera"), origin, py::cast<int>(source.attr("width")),
+                                py::cast<int>(source.attr("height")));
+    scene->exposure = py::cast<double>(source.attr("camera").attr("exposure"));
+    scene->lights = lights_from_python(py::cast<py::list>(source.attr("lights")), origin,
+                                       scene->materials.textures);
+    {
+        const py::gil_scoped_release release;
+        scene->commit(std::move(library), isa);
+    }
+    return scene;
+}
+
+// Closest hits for tests and layers: distance (inf: none), mesh, triangle, instance, normal.
+py::dict intersect(const Scene& scene, const Doubles& origins, const Doubles& directions) {
+    const py::ssize_t n = origins.shape(0);
+    py::array_t<float> distance(n), normal({n, py::ssize_t(3)});
+    py::array_t<int64_t> mesh(n), triangle(n), instance(n);
+    const auto o = origins.unchecked<2>();
+    const auto d = directions.unchecked<2>();
+    const FlushDenormals flush;
+    RayCounters counters;
+    RandomStream random(0);
+    for (py::ssize_t i = 0; i < n; ++i) {
+        const Vec3d origin = Vec3d{o(i, 0), o(i, 1), o(i, 2)} - scene.origin;
+        Hit hit;
+        Vertex v;
+        float passed;
+        const bool found = trace(scene,
+                                 {to_float(origin),
+                                  0,
+                                  {float(d(i, 0)), float(d(i, 1)), float(d(i, 2))},
+                                  infinite_distance},
+                                 random, counters, hit, v.opacity, passed);
+        const auto id = [&](uint32_t x) { return found && x != invalid_index ? int64_t(x) : -1; };
+        if (found) surface_vertex(scene, hit, v);
+        distance.mutable_at(i) = found ? hit.t : std::numeric_limits<float>::infinity();
+        mesh.mutable_at(i) = id(hit.mesh);
+        triangle.mutable_at(i) = id(hit.primitive);
+        instance.mutable_at(i) = id(hit.instance);
+        const Vec3f shading = found ? v.closure.shading.z : Vec3f{};
+        normal.mutable_at(i, 0) = shading.x;
+        normal.mutable_at(i, 1) = shading.y;
+        normal.mutable_at(i, 2) = shading.z;
+    }
+    py::dict out;
+    out["distance"] = distance;
+    out["mesh"] = mesh;
+    out["triangle"] = triangle;
+    out["instance"] = instance;
+    out["normal"] = normal;
+    return out;
+}
+
+}  // namespace
+
+void bind_scene(py::module_& module) {
+    py::class_<Scene, std::shared_ptr<Scene>>(module, "Scene")
+        .def(py::init(&make_scene), py::arg("scene"), py::arg("embree_library"),
+             py::arg("isa") = "avx2",
+             "Builds the core scene from a usdmlt.scene.Scene. Raises RuntimeError or ValueError "
+             "with one line.")
+        .def_property_readonly("width", [](const Scene& s) { return s.camera.width; })
+        .def_property_readonly("height", [](const Scene& s) { return s.camera.height; })
+        .def_property_readonly("has_lights", [](const Scene& s) { return !s.lights.empty(); })
+        .def("intersect", &intersect, py::arg("origins"), py::arg("directions"),
+             "Closest hits of rays, (n, 3) arrays in world space: a dict of arrays.");
+}
+
+}  // namespace usdmlt

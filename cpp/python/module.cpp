@@ -1,0 +1,64 @@
+// The extension module usdmlt._core.
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include "geometry/embree_library.hpp"
+#include "python/bind_lights.hpp"
+#include "python/bind_materials.hpp"
+#include "python/bind_render.hpp"
+#include "python/bind_scene.hpp"
+
+namespace py = pybind11;
+
+namespace {
+
+const char* compiler() {
+#if defined(__clang__)
+    return "clang " __clang_version__;
+#elif defined(__GNUC__)
+    return "gcc " __VERSION__;
+#elif defined(_MSC_VER)
+    return "msvc";
+#else
+    return "unknown";
+#endif
+}
+
+const char* instruction_set() {
+#if defined(__AVX512F__)
+    return "x86-64-v4";
+#elif defined(__AVX2__) && defined(__FMA__)
+    return "x86-64-v3";
+#elif defined(__x86_64__) || defined(_M_X64)
+    return "x86-64";
+#elif defined(__aarch64__) || defined(_M_ARM64)
+    return "arm64";
+#else
+    return "unknown";
+#endif
+}
+
+}  // namespace
+
+PYBIND11_MODULE(_core, module) {
+    module.doc() = "The C++ core of usdmlt.";
+    module.def("build_info", [] {
+        py::dict info;
+        info["compiler"] = compiler();
+        info["instruction_set"] = instruction_set();
+#ifdef NDEBUG
+        info["assertions"] = false;
+#else
+        info["assertions"] = true;
+#endif
+        return info;
+    });
+    module.def(
+        "embree_version",
+        [](const std::string& path) { return usdmlt::embree::load(path)->version; },
+        py::arg("library"), "Version of the Embree library at a path, for instance '4.4.0'.");
+    usdmlt::bind_materials(module);
+    usdmlt::bind_lights(module);
+    usdmlt::bind_scene(module);
+    usdmlt::bind_render(module);
+}

@@ -1,0 +1,50 @@
+// The scene: owns geometry, materials, lights and camera; immutable once built.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "cameras/camera.hpp"
+#include "geometry/acceleration.hpp"
+#include "lights/lights.hpp"
+#include "materials/material.hpp"
+
+namespace usdmlt {
+
+struct Scene {
+    Vec3d origin;      // world position of the core's origin: positions below are relative to it
+    float radius = 1;  // of a sphere about the core's origin that holds everything
+
+    std::vector<Mesh> meshes;  // world meshes first, then those of the prototypes
+    uint32_t world_meshes = 0;
+    std::vector<MeshRange> prototypes;
+    std::vector<Instance> instances;
+
+    Materials materials;
+    Lights lights;
+    Camera camera;
+    double exposure = 1;  // multiplies the developed image
+
+    std::unique_ptr<Acceleration> acceleration;
+    bool all_opaque = true;
+
+    // Light of each mesh of the world; of each emissive mesh of each instance. invalid_index: none.
+    std::vector<uint32_t> mesh_lights;
+    std::vector<uint32_t> instance_first_light;
+    std::vector<uint32_t>
+        emissive_rank;  // by mesh: its place among its prototype's emissive meshes
+
+    uint32_t light_of(uint32_t mesh, uint32_t instance) const {
+        if (instance == invalid_index) return mesh_lights[mesh];
+        return emissive_rank[mesh] == invalid_index
+                   ? invalid_index
+                   : instance_first_light[instance] + emissive_rank[mesh];
+    }
+
+    // To be called once everything above but the acceleration structure and the lights of meshes
+    // is in place: builds both and finishes the lights.
+    void commit(std::shared_ptr<const embree::Library> library, const std::string& isa);
+};
+
+}  // namespace usdmlt
