@@ -2,7 +2,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
-#include "geometry/embree_library.hpp"
+#include "python/bind_embree.hpp"
 #include "python/bind_lights.hpp"
 #include "python/bind_materials.hpp"
 #include "python/bind_render.hpp"
@@ -53,10 +53,7 @@ PYBIND11_MODULE(_core, module) {
 #endif
         return info;
     });
-    module.def(
-        "embree_version",
-        [](const std::string& path) { return usdmlt::embree::load(path)->version; },
-        py::arg("library"), "Version of the Embree library at a path, for instance '4.4.0'.");
+    usdmlt::bind_embree(module);
     usdmlt::bind_materials(module);
     usdmlt::bind_lights(module);
     usdmlt::bind_scene(module);
