@@ -49,7 +49,7 @@ inline constexpr int max_lobes = 8;
 inline constexpr uint8_t no_cover = 0xff;
 
 struct Lobe {
-    LobeType type;
+    LobeType type = LobeType::diffuse;
     bool reflects = true, transmits = false;
     bool delta = false;              // both alphas below the smooth threshold
     bool is_interface = false;       // bounds a medium of index eta: the side matters; otherwise
@@ -67,11 +67,11 @@ struct Lobe {
 // A layer on top: what lies below is scaled by what the layer lets through both ways
 // (layering.hpp).
 struct Cover {
-    uint8_t lobe_first, lobe_last;  // [first, last): the lobes of the layer
-    uint8_t above = no_cover;       // next layer on top of this one
-    float inverse_scale = 1;        // undoes factors that scaled layer and base together
-    Spectrum average[2];            // cosine-weighted mean of what this layer and all above it let
-                                    // through: from outside, from inside
+    uint8_t lobe_first = 0, lobe_last = 0;  // [first, last): the lobes of the layer
+    uint8_t above = no_cover;               // next layer on top of this one
+    float inverse_scale = 1;                // undoes factors that scaled layer and base together
+    Spectrum average[2] = {};  // cosine-weighted mean of what this layer and all above it let
+                               // through: from outside, from inside
 };
 
 struct ClosureSample {

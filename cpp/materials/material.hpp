@@ -12,27 +12,10 @@
 
 #include "geometry/mesh.hpp"
 #include "materials/closure.hpp"
+#include "materials/parameter.hpp"
 #include "materials/texture.hpp"
 
 namespace usdmlt {
-
-// A texture read at a primvar's (s, t); parameters that read the same place share it.
-struct TextureRead {
-    uint32_t texture = 0;
-    uint32_t primvar = 0;                     // slot
-    float transform[6] = {1, 0, 0, 0, 1, 0};  // rows of A in A·(s, t, 1)
-};
-
-struct Parameter {
-    enum class Source : uint8_t { constant, texture, primvar };
-    enum class Channel : uint8_t { r, g, b, a, rgb };
-
-    Source source = Source::constant;
-    Channel channel = Channel::rgb;  // texture
-    uint32_t index = 0;              // texture: into Material::reads; primvar: slot
-    float scale[4] = {1, 1, 1, 1}, bias[4] = {0, 0, 0, 0};  // texture
-    Spectrum value;                                         // constant; primvar: fallback
-};
 
 // Parameters of each operation, in this order, start at Operation::parameter.
 enum class OperationType : uint8_t {
@@ -56,8 +39,6 @@ struct Operation {
     bool specular_workflow = false;           // preview_surface
     uint32_t parameter = 0;                   // first of its parameters
 };
-
-inline constexpr int max_texture_reads = 64;  // of one material
 
 struct Material {
     std::string name;

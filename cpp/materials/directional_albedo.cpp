@@ -1,0 +1,188 @@
+#include "materials/directional_albedo.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "materials/lobes/interface.hpp"
+#include "materials/microfacet.hpp"
+
+namespace usdmlt {
+
+namespace {
+
+// With microfacet normals h from the density visible to ω, E(ω) is the mean of F(ω·h) G2/G1. So E
+// of every Fresnel law follows from one distribution: that of cosθ = ω·h, weighted by G2/G1. The
+// table keeps its total and the means of `bins` parts of equal weight, over (√|ω_z|, √alpha). Both
+// vary smoothly with the direction, also where F does not (total reflection), so interpolating them
+// is better than interpolating E.
+class MicrofacetCosines {
+public:
+    static constexpr int bins = 16, directions = 33, alphas = 33;
+
+    struct Entry {
+        float total;          // E of a perfect mirror
+        float cosines[bins];  // ascending
+    };
+
+    MicrofacetCosines() : entries_(size_t(directions) * alphas) {
+        std::vector<Weighted> samples;
+        for (int j = 0; j < alphas; ++j)
+            for (int i = 0; i < directions; ++i)
+                entries_[size_t(j) * directions + size_t(i)] = integrate(
+                    sqr(float(i) / (directions - 1)), sqr(float(j) / (alphas - 1)), samples);
+    }
+
+    Entry at(float cos_theta, float alpha) const {
+        float fi, fj;
+        const int i = cell(std::sqrt(cos_theta), directions, fi);
+        const int j = cell(std::sqrt(alpha), alphas, fj);
+        const Entry* e = entries_.data() + size_t(j) * directions + size_t(i);
+        const float w00 = (1 - fi) * (1 - fj), w10 = fi * (1 - fj), w01 = (1 - fi) * fj,
+                    w11 = fi * fj;
+        const Entry &e00 = e[0], &e10 = e[1], &e01 = e[directions], &e11 = e[directions + 1];
+        Entry out;
+        out.total = w00 * e00.total + w10 * e10.total + w01 * e01.total + w11 * e11.total;
+        for (int k = 0; k < bins; ++k)
+            out.cosines[k] = w00 * e00.cosines[k] + w10 * e10.cosines[k] + w01 * e01.cosines[k] +
+                             w11 * e11.cosines[k];
+        return out;
+    }
+
+private:
+    struct Weighted {
+        float cosine, weight;
+    };
+
+    // Midpoints of a grid of the random numbers; half of the azimuths, the other half mirrors it.
+    static Entry integrate(float cos_theta, float alpha, std::vector<Weighted>& samples) {
+        Entry entry;
+        if (alpha == 0) {
+            entry.total = 1;
+            std::fill_n(entry.cosines, bins, cos_theta);
+            return entry;
+        }
+        constexpr int n_phi = 16, n_z = 40;
+        const float c = std::fmax(cos_theta, 1e-4f);
+        const Vec3f w{safe_sqrt(1 - sqr(c)), 0, c};
+        const Ggx ggx{alpha, alpha};
+        samples.clear();
+        for (int i = 0; i < n_phi; ++i)
+            for (int j = 0; j < n_z; ++j) {
+                const float v = (float(j) + 0.5f) / n_z;  // u_y = 1 − v²: resolves GGX's tail
+                const Vec2f u{0.5f * (float(i) + 0.5f) / n_phi, 1 - sqr(v)};
+                const Vec3f h = ggx.sample_visible(w, u);
+                const Vec3f reflected = interface_lobe::reflect(w, h);
+                if (!(reflected.z > 0)) continue;
+                const float g2_over_g1 = ggx.shadowing_over_cosines(w, reflected) * reflected.z /
+                                         ggx.masking_over_cosine(w);
+                samples.push_back({clamp01(dot(w, h)), g2_over_g1 * 2 * v});
+            }
+        std::sort(samples.begin(), samples.end(),
+                  [](const Weighted& a, const Weighted& b) { return a.cosine < b.cosine; });
+        double total = 0;
+        for (const Weighted& s : samples) total += s.weight;
+        entry.total = float(total / (n_phi * n_z));
+        // Deal the samples into parts of equal weight; one that straddles an edge is divided.
+        double bin_means[bins] = {}, filled = 0;
+        const double share = total / bins;
+        int k = 0;
+        for (const Weighted& s : samples) {
+            double rest = s.weight;
+            while (rest > 0) {
+                const double room = k < bins - 1 ? share - filled : rest;
+                const double part = std::min(rest, room);
+                bin_means[k] += part * s.cosine;
+                filled += part;
+                rest -= part;
+                if (k < bins - 1 && filled >= share) {
+                    filled = 0;
+                    ++k;
+                }
+            }
+        }
+        for (int i = 0; i < bins; ++i) entry.cosines[i] = float(bin_means[i] / share);
+        return entry;
+    }
+
+    static int cell(float x, int nodes, float& fraction) {
+        const float scaled = clamp01(x) * float(nodes - 1);
+        const int i = std::min(int(scaled), nodes - 2);
+        fraction = scaled - float(i);
+        return i;
+    }
+
+    std::vector<Entry> entries_;
+};
+
+const MicrofacetCosines& microfacet_cosines() {
+    static const MicrofacetCosines table;
+    return table;
+}
+
+// The roughness that a direction sees: that of the slopes along its azimuth (Heitz 2014, §5.4).
+float alpha_along(const Lobe& lobe, Vec3f w) {
+    const float x2 = sqr(w.x), y2 = sqr(w.y);
+    if (lobe.alpha_x == lobe.alpha_y || !(x2 + y2 > 0))
+        return std::sqrt(lobe.alpha_x * lobe.alpha_y);
+    return std::sqrt((sqr(lobe.alpha_x) * x2 + sqr(lobe.alpha_y) * y2) / (x2 + y2));
+}
+
+// Where the alphas differ, the cosines of the microfacets are those of the direction's own
+// roughness, and the total, which depends on all azimuths, that of the geometric mean. Against
+// quadrature the total is at most 0.03 too low, and E of a dielectric 0.01.
+MicrofacetCosines::Entry cosines_of(const Lobe& lobe, Vec3f w) {
+    const MicrofacetCosines& table = microfacet_cosines();
+    MicrofacetCosines::Entry entry = table.at(std::fabs(w.z), alpha_along(lobe, w));
+    if (lobe.alpha_x != lobe.alpha_y)
+        entry.total = table.at(std::fabs(w.z), std::sqrt(lobe.alpha_x * lobe.alpha_y)).total;
+    return entry;
+}
+
+constexpr float per_bin = 1.0f / MicrofacetCosines::bins;
+
+float dielectric_albedo(const Lobe& lobe, const MicrofacetCosines::Entry& entry, bool above) {
+    const float m = interface_lobe::relative_index(lobe, above);
+    float sum = 0;
+    for (const float c : entry.cosines) sum += fresnel_dielectric(c, m);
+    return entry.total * sum * per_bin;
+}
+
+Spectrum schlick_albedo(const Lobe& lobe, const MicrofacetCosines::Entry& entry, bool above) {
+    const float m = interface_lobe::relative_index(lobe, above);
+    float sum = 0;
+    if (lobe.is_interface && m < 1)
+        for (const float c : entry.cosines)
+            sum += schlick_power(refracted_cosine(c, m), lobe.exponent);
+    else
+        for (const float c : entry.cosines) sum += schlick_power(c, lobe.exponent);
+    const float power = sum * per_bin;
+    return (lobe.color0 * (1 - power) + lobe.color90 * power) * entry.total;
+}
+
+// Metals change little with the angle: their law at the mean angle.
+Spectrum conductor_albedo(const Lobe& lobe, const MicrofacetCosines::Entry& entry) {
+    float sum = 0;
+    for (const float c : entry.cosines) sum += c;
+    return conductor_lobe::reflectance(lobe, sum * per_bin) * entry.total;
+}
+
+}  // namespace
+
+Spectrum reflection_albedo(const Lobe& lobe, Vec3f w) {
+    const bool above = w.z > 0;
+    if (lobe.delta) return interface_lobe::reflectance(lobe, std::fabs(w.z), above);
+    const MicrofacetCosines::Entry entry = cosines_of(lobe, w);
+    switch (lobe.type) {
+        case LobeType::dielectric:
+            return Spectrum(dielectric_albedo(lobe, entry, above));
+        case LobeType::schlick:
+            return schlick_albedo(lobe, entry, above);
+        case LobeType::conductor:
+            return conductor_albedo(lobe, entry);
+        default:
+            return Spectrum();
+    }
+}
+
+}  // namespace usdmlt

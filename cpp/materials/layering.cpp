@@ -1,0 +1,105 @@
+#include "materials/layering.hpp"
+
+#include "materials/directional_albedo.hpp"
+
+namespace usdmlt {
+
+namespace {
+
+bool is_diffuse(const Lobe& lobe) {
+    return lobe.type == LobeType::diffuse || lobe.type == LobeType::translucent;
+}
+
+bool lets_nothing_pass(const Lobe& lobe) {
+    return lobe.transmits || is_diffuse(lobe) || lobe.type == LobeType::conductor;
+}
+
+Spectrum min(const Spectrum& a, const Spectrum& b) {
+    Spectrum m;
+    for (int i = 0; i < 4; ++i) m[i] = std::min(a[i], b[i]);
+    return m;
+}
+Spectrum max(const Spectrum& a, const Spectrum& b) {
+    Spectrum m;
+    for (int i = 0; i < 4; ++i) m[i] = std::max(a[i], b[i]);
+    return m;
+}
+
+// ∫ T |cosθ| dω / π = ∫₀¹ T 2c dc by Gauss–Legendre quadrature in c; two azimuths for anisotropic
+// layers, which are symmetric in each quadrant.
+constexpr int nodes = 8;
+constexpr float node_cosines[nodes] = {0.0198550718f, 0.1016667613f, 0.2372337950f, 0.4082826788f,
+                                       0.5917173212f, 0.7627662050f, 0.8983332387f, 0.9801449282f};
+constexpr float node_weights[nodes] = {0.0506142681f, 0.1111905172f, 0.1568533229f, 0.1813418917f,
+                                       0.1813418917f, 0.1568533229f, 0.1111905172f, 0.0506142681f};
+
+}  // namespace
+
+Passage passage(const Closure& closure, Vec3f w) {
+    Passage p;
+    // Inner covers come before the ones they lie under. First each layer alone …
+    Spectrum alone[max_lobes];
+    for (int c = 0; c < closure.cover_count; ++c) {
+        const Cover& cover = closure.covers[c];
+        Spectrum through(1.0f);
+        for (int i = cover.lobe_first; i < cover.lobe_last; ++i) {
+            const Lobe& lobe = closure.lobes[i];
+            Spectrum taken(lobe.coverage * cover.inverse_scale);
+            if (!lets_nothing_pass(lobe)) taken *= reflection_albedo(lobe, w);
+            // A layer may itself be layered.
+            for (uint8_t k = lobe.cover; k != cover.above; k = closure.covers[k].above)
+                taken *= alone[k];
+            through = through - taken;
+        }
+        alone[c] = max(through, Spectrum());
+    }
+    // … then with all that is above.
+    for (int c = closure.cover_count - 1; c >= 0; --c) {
+        const uint8_t above = closure.covers[c].above;
+        p.through[c] = above == no_cover ? alone[c] : alone[c] * p.through[above];
+    }
+    return p;
+}
+
+Spectrum coupling(const Closure& closure, const Lobe& lobe, Vec3f l, const Passage& of_l, Vec3f e,
+                  const Passage& of_e) {
+    const Spectrum &t_l = of_l.through[lobe.cover], &t_e = of_e.through[lobe.cover];
+    if (!is_diffuse(lobe)) return min(t_l, t_e);
+    const Cover& cover = closure.covers[lobe.cover];
+    // Across the surface the sides may differ: the greater mean keeps both directions within 1.
+    const Spectrum average = max(cover.average[l.z > 0 ? 0 : 1], cover.average[e.z > 0 ? 0 : 1]);
+    Spectrum factor;
+    for (int i = 0; i < 3; ++i) factor[i] = average[i] > 0 ? t_l[i] * t_e[i] / average[i] : 0.0f;
+    return factor;
+}
+
+void average_covers(Closure& closure) {
+    bool wanted = false, sided = false, anisotropic = false;
+    for (int i = 0; i < closure.lobe_count; ++i) {
+        const Lobe& lobe = closure.lobes[i];
+        wanted |= is_diffuse(lobe) && lobe.cover != no_cover;
+        sided |= lobe.is_interface;
+        anisotropic |= !is_diffuse(lobe) && lobe.alpha_x != lobe.alpha_y;
+    }
+    if (!wanted) return;
+    const int azimuths = anisotropic ? 2 : 1;
+    for (int side = 0; side < 2; ++side) {
+        for (int c = 0; c < closure.cover_count; ++c)
+            closure.covers[c].average[side] =
+                side > 0 && !sided ? closure.covers[c].average[0] : Spectrum();
+        if (side > 0 && !sided) continue;
+        for (int k = 0; k < nodes; ++k)
+            for (int a = 0; a < azimuths; ++a) {
+                const float cosine = node_cosines[k], sine = safe_sqrt(1 - sqr(cosine));
+                const float phi = pi / 8 * float(1 + 2 * a);
+                const Vec3f w{sine * std::cos(phi), sine * std::sin(phi),
+                              side == 0 ? cosine : -cosine};
+                const Passage p = passage(closure, w);
+                const float weight = node_weights[k] * 2 * cosine / float(azimuths);
+                for (int c = 0; c < closure.cover_count; ++c)
+                    closure.covers[c].average[side] += p.through[c] * weight;
+            }
+    }
+}
+
+}  // namespace usdmlt
