@@ -6,7 +6,9 @@ Color Interop Forum token. The default is linear Rec.709 with the D65 white.
 
 from __future__ import annotations
 
+import importlib
 import warnings
+from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -107,9 +109,8 @@ def srgb_view(color: FloatArray, color_space: str = DEFAULT) -> npt.NDArray[np.u
     return np.asarray(np.rint(encoded * 255.0), dtype=np.uint8)
 
 
-def _colour_science():  # type: ignore[no-untyped-def]
+def _colour_science() -> ModuleType:
     """Import colour-science, which takes a second and complains about what it could plot with."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        import colour
-    return colour
+        return importlib.import_module("colour")

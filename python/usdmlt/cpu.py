@@ -28,14 +28,11 @@ def features() -> frozenset[str] | None:
         return _linux_flags()
     if sys.platform == "win32":
         avx2_instructions_available = 40  # PF_AVX2_INSTRUCTIONS_AVAILABLE
-        has_avx2 = bool(
-            ctypes.windll.kernel32.IsProcessorFeaturePresent(avx2_instructions_available)
-        )
-    elif sys.platform == "darwin":
-        has_avx2 = _macos_flag(b"hw.optional.avx2_0")
-    else:
-        return None
-    return frozenset(X86_64_V3) if has_avx2 else frozenset()
+        kernel = ctypes.windll.kernel32
+        return _all_if(kernel.IsProcessorFeaturePresent(avx2_instructions_available))
+    if sys.platform == "darwin":
+        return _all_if(_macos_flag(b"hw.optional.avx2_0"))
+    return None
 
 
 def missing_features() -> list[str]:
@@ -62,6 +59,10 @@ def model_name() -> str:
     if sys.platform == "linux":
         return _linux_cpuinfo().get("model name", platform.machine())
     return platform.processor() or platform.machine()
+
+
+def _all_if(has_avx2: bool) -> frozenset[str]:
+    return frozenset(X86_64_V3) if has_avx2 else frozenset()
 
 
 def _linux_flags() -> frozenset[str] | None:

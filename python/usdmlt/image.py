@@ -57,12 +57,12 @@ class Image:
     @property
     def height(self) -> int:
         """Rows."""
-        return self["color"].shape[0]
+        return int(self["color"].shape[0])
 
     @property
     def width(self) -> int:
         """Columns."""
-        return self["color"].shape[1]
+        return int(self["color"].shape[1])
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write ``.exr`` or ``.png``, whole or not at all.

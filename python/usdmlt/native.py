@@ -31,7 +31,7 @@ def build_scene(scene: Scene, embree_isa: str) -> _core.Scene:
     library = str(embree.find_library())
     try:
         built: _core.Scene = core().Scene(scene, library, embree_isa)
-    except RuntimeError as error:
+    except (RuntimeError, ValueError) as error:
         raise Error(str(error)) from error
     return built
 

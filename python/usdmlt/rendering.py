@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger("usdmlt")
 
+TRUNCATION_WARNED_ABOUT = 0.01
+
 
 @dataclass(frozen=True)
 class Progress:
@@ -32,7 +34,7 @@ class Progress:
 
     units_done: int
     units_total: int
-    samples_per_unit: float
+    samples_per_unit: float  # on average
     seconds: float
 
     @property
@@ -79,11 +81,13 @@ class Rendering:
         self,
         progress: Callable[[Progress], None] | None = None,
         stop: Callable[[], bool] | None = None,
+        until: int | None = None,
     ) -> bool:
         """Render until all units are done, the time is over or ``stop()`` is true.
 
-        Both functions are called from this thread about ten times a second. Units that have
-        started are finished. Returns whether all units are done.
+        ``until``: render units below this number only. ``progress`` and ``stop`` are called from
+        this thread about ten times a second; units that have started by then are finished.
+        Returns whether all units are done.
         """
         started = perf_counter()
 
@@ -93,7 +97,7 @@ class Rendering:
             return stop is not None and stop()
 
         self._render.run(
-            self.units_total,
+            self.units_total if until is None else min(until, self.units_total),
             threads=self.settings.resolved_threads,
             deadline_seconds=self.settings.time,
             poll=poll,
@@ -105,6 +109,7 @@ class Rendering:
     def image(self) -> Image:
         """The picture of the units done so far."""
         stats = self.stats()
+        _warn(stats)
         return Image.from_rgba(
             self._render.image(),
             color_space=self.scene.color_space,
@@ -114,19 +119,27 @@ class Rendering:
 
     def stats(self) -> dict[str, Any]:
         """What the core measured, and the settings as they were resolved."""
+        measured = self._render.stats()
         settings = asdict(self.settings)
         settings["integrator"] = self.settings.resolved_integrator
         settings["threads"] = self.settings.resolved_threads
         return {
-            **self._render.stats(),
+            **measured,
             "units_done": self.units_done,
             "units_total": self.units_total,
+            "samples_per_pixel": measured["samples"] / self._pixels,
+            "truncated_fraction": truncated_fraction(measured["path_length_energy"]),
             "seconds_building": self._seconds_building,
             "settings": settings,
         }
 
+    @property
+    def _pixels(self) -> int:
+        return self.scene.width * self.scene.height
+
     def _progress(self, units_done: int, seconds: float) -> Progress:
-        return Progress(units_done, self.units_total, self._render.samples_per_unit, seconds)
+        samples_per_unit = self._pixels * self.settings.resolved_samples / self.units_total
+        return Progress(units_done, self.units_total, samples_per_unit, seconds)
 
 
 def render(
@@ -185,6 +198,38 @@ def render(
     if interruption:
         raise Interrupted(rendering.image())
     return rendering.image()
+
+
+def truncated_fraction(energies: Sequence[float]) -> float:
+    """An estimate of the share of the light on paths longer than the depth limit.
+
+    ``energies``: mean luminance by number of edges, from 0 to the limit. Beyond it the decay over
+    the last four lengths is continued as a geometric series; with fewer lengths it says 0.
+    """
+    total = sum(energies)
+    last, before = sum(energies[-2:]), sum(energies[-4:-2])
+    if len(energies) < 6 or not total > 0 or not before > 0:
+        return 0.0
+    ratio = min(last / before, 0.999)
+    tail = last * ratio / (1.0 - ratio)
+    return tail / (total + tail)
+
+
+def _warn(stats: dict[str, Any]) -> None:
+    """Warn about what makes the picture differ from what was asked for."""
+    if stats["truncated_fraction"] > TRUNCATION_WARNED_ABOUT:
+        logger.warning(
+            "about %.1f %% of the light takes paths of more than %d edges and is missing: "
+            "raise the depth",
+            100 * stats["truncated_fraction"],
+            stats["settings"]["depth"],
+        )
+    if stats["non_finite"]:
+        logger.warning("%d contributions were not finite and were left out", stats["non_finite"])
+    if stats["overflows"]:
+        logger.warning(
+            "%d contributions were too bright for the film and were cut", stats["overflows"]
+        )
 
 
 def _metadata(scene: Scene, stats: dict[str, Any]) -> dict[str, Any]:

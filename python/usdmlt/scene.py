@@ -91,7 +91,7 @@ class Diffuse:
 
 @dataclass
 class Dielectric:
-    """Dielectric interface, as ``ND_dielectric_bsdf``: reflection ("R"), transmission ("T") or both."""
+    """Dielectric interface, as ``ND_dielectric_bsdf``: reflects ("R"), transmits ("T") or both."""
 
     ior: Input = 1.5
     roughness: Roughness = 0.05
@@ -270,7 +270,7 @@ class Instances:
 
 @dataclass
 class Shaping:
-    """UsdLux ShapingAPI: ``focus``, ``focus_tint``, and a cone of half-angle ``cone_angle_degrees``."""
+    """UsdLux ShapingAPI: ``focus``, ``focus_tint``, a cone of half-angle ``cone_angle_degrees``."""
 
     focus: float = 0.0
     focus_tint: Color = (0.0, 0.0, 0.0)

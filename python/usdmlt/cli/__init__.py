@@ -49,19 +49,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return int(arguments.run(arguments))
     except UsageError as error:
-        arguments.parser.error(str(error))
+        return _complain(error, 2)
     except Error as error:
         if arguments.verbosity > 0:
             raise
-        print(f"usdmlt: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 1
+        return _complain(error, 1)
     except MemoryError:
-        print("usdmlt: error: out of memory", file=sys.stderr)
-        return 1
+        return _complain("out of memory", 1)
     except KeyboardInterrupt:
-        print("usdmlt: interrupted, nothing was written", file=sys.stderr)
-        return 130
+        return _complain("interrupted, nothing was written", 130)
     except BrokenPipeError:
         # The reader of stdout has gone; what is left in the buffer must not complain at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+
+
+def _complain(message: object, status: int) -> int:
+    print(f"usdmlt: error: {' '.join(str(message).split())}", file=sys.stderr)
+    return status

@@ -28,7 +28,7 @@ def add_parser(subparsers: Any) -> None:
         allow_abbrev=False,
     )
     add_verbosity(parser)
-    parser.set_defaults(run=run, parser=parser)
+    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -40,9 +40,9 @@ def configure_logging(verbosity: int) -> None:
     logger.setLevel({-1: logging.ERROR, 0: logging.INFO}.get(verbosity, logging.DEBUG))
 
 
-def add_verbosity(parser: argparse.ArgumentParser) -> None:
+def add_verbosity(container: argparse._ActionsContainer) -> None:
     """Declare -v and -q."""
-    group = parser.add_mutually_exclusive_group()
+    group = container.add_mutually_exclusive_group()
     group.add_argument(
         "-v",
         "--verbose",

@@ -63,7 +63,7 @@ def _scaled(rate: float) -> str:
     for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
         if rate >= factor:
             return f"{rate / factor:.3g} {prefix}"
-    return f"{rate:.0f} "
+    return f"{rate:.0f}"
 
 
 @contextmanager

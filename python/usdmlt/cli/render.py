@@ -6,6 +6,7 @@ import argparse
 import json
 import logging
 import signal
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, get_args
 
 from usdmlt.cli.frames import check_placeholder, frame_path, parse_frames
@@ -126,7 +127,7 @@ def add_parser(subparsers: Any) -> None:
         help="write the statistics there; with --frames its name holds a placeholder",
     )
     add_verbosity(report)
-    parser.set_defaults(run=run, parser=parser)
+    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -150,7 +151,8 @@ def run(arguments: argparse.Namespace) -> int:
         check_placeholder(path, frames)
     for path in _outputs(arguments):
         files.check_writable(path)
-    for frame in frames or [None]:
+    each: Sequence[float | None] = frames or [None]
+    for frame in each:
         status = _render_frame(arguments, settings, frame, (width, height))
         if status:
             return status

@@ -1,0 +1,53 @@
+"""The compiled core. Use it through :mod:`usdmlt.native`."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+class Scene:
+    """A scene with its acceleration structures; immutable."""
+
+    def __init__(self, scene: Any, embree_library: str, isa: str = "avx2") -> None: ...
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def has_lights(self) -> bool: ...
+    def intersect(
+        self, origins: npt.ArrayLike, directions: npt.ArrayLike
+    ) -> dict[str, npt.NDArray[Any]]: ...
+
+class Render:
+    """A plan, and the film that its units add to."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        integrator: str = "path",
+        samples: int = 64,
+        depth: int = 16,
+        seed: int = 0,
+        filter: str = "gaussian",
+        min_edges: int = 1,
+        background: bool = True,
+    ) -> None: ...
+    @property
+    def units_total(self) -> int: ...
+    @property
+    def units_done(self) -> int: ...
+    def run(
+        self,
+        last_unit: int,
+        threads: int = 1,
+        deadline_seconds: float | None = None,
+        poll: Callable[[int], bool] | None = None,
+    ) -> int: ...
+    def image(self) -> npt.NDArray[np.float32]: ...
+    def stats(self) -> dict[str, Any]: ...
+
+def build_info() -> dict[str, Any]: ...
+def embree_version(library: str) -> str: ...
