@@ -9,11 +9,6 @@ import pytest
 
 from usdmlt import Error, cpu, native
 
-OLD_PROCESSOR = """
-import sys
-from usdmlt import cpu
-"""
-
 
 def test_a_processor_that_lacks_avx2_is_named_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cpu, "is_x86_64", lambda: True)
