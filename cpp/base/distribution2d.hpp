@@ -46,15 +46,27 @@ public:
 
     // Never a cell of weight zero. Not to be called when empty.
     Cell sample(double u, double v) const {
-        Cell cell{0, 0, u, v, 1};
+        // u and v are kept as fractions of the weight of the node that is descended.
+        Cell cell;
+        double node = total_, x = u * node, y = v * node;
         for (size_t i = levels_.size(); i-- > 0;) {
             const float* c = levels_[i].block(cell.x, cell.y);
             const double top = double(c[0]) + c[1], bottom = double(c[2]) + c[3];
-            const uint32_t dy = choose(top, bottom, cell.v, cell.probability);
-            const uint32_t dx = choose(c[2 * dy], c[2 * dy + 1], cell.u, cell.probability);
-            cell.x = 2 * cell.x + dx;
-            cell.y = 2 * cell.y + dy;
+            const bool down = y >= top && bottom > 0;
+            const double row = down ? bottom : top;
+            if (down) y -= top;
+            x *= row / node;
+            const double left = c[2 * down], right = c[2 * down + 1];
+            const bool across = x >= left && right > 0;
+            node = across ? right : left;
+            if (across) x -= left;
+            y *= node / row;
+            cell.x = 2 * cell.x + across;
+            cell.y = 2 * cell.y + down;
         }
+        cell.u = std::clamp(x / node, 0.0, 1 - 0x1p-53);
+        cell.v = std::clamp(y / node, 0.0, 1 - 0x1p-53);
+        cell.probability = node / total_;
         return cell;
     }
 
@@ -77,15 +89,6 @@ private:
                     .weights[4 * (size_t(y / 2) * level.blocks_x + x / 2) + 2 * (y & 1) + (x & 1)] =
                     static_cast<float>(weight(x, y));
         levels_.push_back(std::move(level));
-    }
-
-    // 0 or 1 with probability ∝ (a, b); rescales u.
-    static uint32_t choose(double a, double b, double& u, double& probability) {
-        const double p = a / (a + b), q = b / (a + b);
-        const bool second = !(u < p);
-        u = std::clamp(second ? (u - p) / q : u / p, 0.0, 1 - 0x1p-53);
-        probability *= second ? q : p;
-        return second;
     }
 
     std::vector<Level> levels_;

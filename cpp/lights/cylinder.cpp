@@ -50,19 +50,13 @@ struct View {
         return std::atan2(z, y) + alpha;
     }
 
-    // dθ/dφ / 2θmax.
-    double pdf_phi(double phi) const {
-        const double c = std::cos(phi), s = std::sin(phi);
-        const double cosine_times_d = y * c + z * s - 1;
-        return cosine_times_d > 0 ? cosine_times_d / (2 * theta_max * (sqr(y - c) + sqr(z - s)))
-                                  : 0;
-    }
-
     // Equiangular sampling (Kulla & Fajardo 2012) of the line of constant φ: with s the closest
     // point of the line and D the distance to it in units of the axis, density
     // D / (Θ (D² + (x − s)²)), Θ the angle that the segment subtends.
     struct Line {
         double s, d, theta0, theta1;
+        double pdf_phi;  // dθ/dφ / 2θmax, over the area per unit of x and of φ
+
         double sample(double u) const {
             return std::clamp(s + d * std::tan(theta0 + u * (theta1 - theta0)), 0.0, 1.0);
         }
@@ -71,11 +65,16 @@ struct View {
 
     Line line(double phi) const {
         const Affine3f& m = light.from_unit;
-        const Vec3d axis = to_double(m.x);
-        const Vec3d w = reference - to_double(m.y) * std::cos(phi) - to_double(m.z) * std::sin(phi);
-        const double s = dot(w, axis) / dot(axis, axis);
-        const double d = std::max(length(w - axis * s) / length(axis), 1e-6);
-        return {s, d, std::atan(-s / d), std::atan((1 - s) / d)};
+        const double cosine = std::cos(phi), sine = std::sin(phi);
+        const Vec3d axis = to_double(m.x), my = to_double(m.y), mz = to_double(m.z);
+        const Vec3d w = reference - my * cosine - mz * sine;
+        const double axis2 = dot(axis, axis), s = dot(w, axis) / axis2;
+        const Vec3d nearest = w - axis * s;
+        const double d = std::max(std::sqrt(dot(nearest, nearest) / axis2), 1e-6);
+        const double facing = y * cosine + z * sine - 1;
+        const double angular = facing / (2 * theta_max * (sqr(y - cosine) + sqr(z - sine)));
+        const double area = length(cross(axis, mz * cosine - my * sine));
+        return {s, d, std::atan(-s / d), std::atan((1 - s) / d), facing > 0 ? angular / area : 0};
     }
 };
 
@@ -120,16 +119,17 @@ bool sample_toward(const CylinderLight& light, Vec3f reference, Vec2f u, Vec2f& 
     if (!view.visible()) return false;
     const double turns = view.sample_phi(u.x) / two_pi;
     uv.y = static_cast<float>(turns - std::floor(turns));
-    uv.x = static_cast<float>(view.line(two_pi * uv.y).sample(u.y));
-    pdf = pdf_toward(light, reference, uv);
+    const View::Line line = view.line(two_pi * uv.y);
+    uv.x = static_cast<float>(line.sample(u.y));
+    pdf = line.pdf(uv.x) * line.pdf_phi;
     return pdf > 0;
 }
 
 double pdf_toward(const CylinderLight& light, Vec3f reference, Vec2f uv) {
     const View view(light, reference);
     if (!view.visible()) return 0;
-    const double phi = two_pi * uv.y;
-    return view.pdf_phi(phi) * view.line(phi).pdf(uv.x) / stretch(light, phi);
+    const View::Line line = view.line(two_pi * uv.y);
+    return line.pdf(uv.x) * line.pdf_phi;
 }
 
 // n dA = (X × ∂P/∂φ) dx dφ turns sinusoidally with φ: half of its turn faces any direction.

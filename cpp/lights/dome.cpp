@@ -25,7 +25,7 @@ struct Place {
     // `d`: dome space, any length.
     Place(const DomeLight& light, Vec3f d) {
         const int w = light.texture->width, h = light.texture->height;
-        const float horizontal = std::hypot(d.x, d.z);
+        const float horizontal = std::sqrt(d.x * d.x + d.z * d.z);
         const float s = 0.5f - std::atan2(d.x, d.z) * (0.5f * inv_pi);
         const float t = std::atan2(horizontal, d.y) * inv_pi;
         sin_theta = horizontal / std::sqrt(length_squared(d));
@@ -84,9 +84,10 @@ Vec3f sample_local(const DomeLight& light, Vec2f u) {
     const double fx = sample_linear(cell.u, w00 + fy * (w01 - w00), w10 + fy * (w11 - w10));
     const double s = (left + 0.5 + fx) / w;
     const double theta0 = row_theta(top, h), theta1 = row_theta(top + 1, h);
-    const double theta = theta0 + fy * (theta1 - theta0), phi = (0.5 - s) * 2 * pi_d;
-    const double r = std::sin(theta);
-    return to_float({r * std::sin(phi), std::cos(theta), r * std::cos(phi)});
+    const auto theta = static_cast<float>(theta0 + fy * (theta1 - theta0));
+    const auto phi = static_cast<float>((0.5 - s) * 2 * pi_d);
+    const float r = std::sin(theta);
+    return {r * std::sin(phi), std::cos(theta), r * std::cos(phi)};
 }
 
 }  // namespace
