@@ -51,27 +51,27 @@ inline constexpr uint8_t no_cover = 0xff;
 struct Lobe {
     LobeType type = LobeType::diffuse;
     bool reflects = true, transmits = false;
-    bool delta = false;              // both alphas below the smooth threshold
-    bool is_interface = false;       // bounds a medium of index eta: the side matters; otherwise
-                                     // the lobe is two-sided and looks the same from below
-    uint8_t cover = no_cover;        // innermost layer on top of this lobe (index into covers)
-    float alpha_x = 0, alpha_y = 0;  // GGX; for diffuse, alpha_x is the Oren–Nayar σ
-    float eta = 1;          // relative index of the inside (refraction, dielectric Fresnel)
-    float exponent = 5;     // schlick
-    float coverage = 1;     // scalar part of the weight: what it takes from layers below
-    Spectrum weight{1.0f};  // scales the lobe
+    bool delta = false;         // both alphas below the smooth threshold
+    bool is_interface = false;  // bounds a medium of index eta: the side matters; otherwise
+                                // the lobe is two-sided and looks the same from below
+    uint8_t cover = no_cover;   // innermost layer on top of this lobe (index into covers)
+    // GGX; for diffuse, alpha_x is the Oren–Nayar σ.
+    float alpha_x = 0, alpha_y = 0;
+    float eta = 1;       // relative index of the inside (refraction, dielectric Fresnel)
+    float exponent = 5;  // schlick
+    float coverage = 1;  // scalar part of the weight: what it takes from layers below
+    Spectrum weight{1.0f};
     Spectrum tint_transmission{1.0f};
-    Spectrum color0, color90;  // schlick; conductor: eta and k
+    Spectrum color0{}, color90{};  // schlick; conductor: eta and k
 };
 
-// A layer on top: what lies below is scaled by what the layer lets through both ways
-// (layering.hpp).
+// A layer on top: what lies below is scaled by what it lets through both ways; see layering.hpp.
 struct Cover {
     uint8_t lobe_first = 0, lobe_last = 0;  // [first, last): the lobes of the layer
     uint8_t above = no_cover;               // next layer on top of this one
     float inverse_scale = 1;                // undoes factors that scaled layer and base together
-    Spectrum average[2] = {};  // cosine-weighted mean of what this layer and all above it let
-                               // through: from outside, from inside
+    // Cosine-weighted mean of what this layer and all above it let through: from outside, inside.
+    Spectrum average[2] = {};
 };
 
 struct ClosureSample {

@@ -90,6 +90,14 @@ class Diffuse:
 
 
 @dataclass
+class Translucent:
+    """Lambert transmission: what arrives on one side leaves the other, as ``ND_translucent_bsdf``."""
+
+    color: Input = (1.0, 1.0, 1.0)
+    weight: Input = 1.0
+
+
+@dataclass
 class Dielectric:
     """Dielectric interface, as ``ND_dielectric_bsdf``: reflects ("R"), transmits ("T") or both."""
 
@@ -184,6 +192,7 @@ class Multiply:
 
 Closure = Union[
     Diffuse,
+    Translucent,
     Dielectric,
     Conductor,
     GeneralizedSchlick,
