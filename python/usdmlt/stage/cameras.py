@@ -1,0 +1,214 @@
+"""Which camera is rendered, and UsdGeomCamera."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, UsdUtils
+
+from usdmlt.errors import Error, Report
+from usdmlt.scene import Camera
+from usdmlt.stage.render_settings import RenderSettings
+from usdmlt.stage.transforms import singular
+
+DEFAULT_WIDTH = 960  # pixels, as usdrecord
+GF_UNIT = 0.1  # focal length and apertures are in tenths of a scene unit
+
+
+def find_camera(
+    stage: Usd.Stage, name: str | None, settings: RenderSettings, report: Report
+) -> tuple[UsdGeom.Camera | None, str]:
+    """The camera to render, and why: the one asked for by path or name, else that of the render
+    settings, else the primary camera (``main_cam``), else the only one. None: frame everything.
+
+    Raises :class:`Error`, with the cameras there are, if the one asked for does not exist.
+    """
+    if name is not None:
+        return _named(stage, name), "asked for"
+    if settings.camera is not None:
+        camera = UsdGeom.Camera(stage.GetPrimAtPath(settings.camera))
+        if camera:
+            return camera, f"camera of {settings.path}"
+        report.warn("the render settings' camera does not exist", settings.camera)
+    cameras = all_cameras(stage)
+    primary = [c for c in cameras if c.GetPrim().GetName() == UsdUtils.GetPrimaryCameraName()]
+    if primary:
+        return primary[0], "the primary camera"
+    if len(cameras) == 1:
+        return cameras[0], "the only camera"
+    if cameras:
+        paths = ", ".join(str(camera.GetPath()) for camera in cameras[:10])
+        return None, f"frames everything, as none of several cameras was asked for ({paths})"
+    return None, "frames everything, as the stage has no camera"
+
+
+def all_cameras(stage: Usd.Stage) -> list[UsdGeom.Camera]:
+    """Every active camera of a stage."""
+    prims = stage.Traverse(Usd.TraverseInstanceProxies())
+    return [UsdGeom.Camera(prim) for prim in prims if prim.IsA(UsdGeom.Camera)]
+
+
+def _named(stage: Usd.Stage, name: str) -> UsdGeom.Camera:
+    if name.startswith("/"):
+        valid = Sdf.Path.IsValidPathString(name)
+        camera = UsdGeom.Camera(stage.GetPrimAtPath(name)) if valid else None
+        found = [camera] if camera else []
+    else:
+        found = [
+            c
+            for c in all_cameras(stage)
+            if c.GetPrim().GetName() == name or str(c.GetPath()).endswith("/" + name)
+        ]
+    if len(found) == 1:
+        return found[0]
+    known = [str(camera.GetPath()) for camera in found or all_cameras(stage)]
+    listed = ", ".join(known[:20]) + (", …" if len(known) > 20 else "")
+    if found:
+        raise Error(f"{name}: several cameras have that name: {listed}")
+    raise Error(f"{name}: no such camera; " + (f"there are {listed}" if known else "there is none"))
+
+
+def read_camera(camera: UsdGeom.Camera, time: Usd.TimeCode, report: Report) -> Camera:
+    """A UsdGeomCamera. The lens radius is focalLength / (2 fStop), in tenths of a scene unit;
+    an fStop of 0 is a pinhole."""
+    path = camera.GetPath()
+    transform = np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(camera.GetPrim()))
+    if singular(transform):
+        raise Error(f"{path}: the camera's transform is singular")
+
+    def number(attribute: Usd.Attribute) -> float:
+        value = attribute.Get(time)
+        if value is None or not math.isfinite(value):
+            raise Error(f"{path}: {attribute.GetName()} is {value}, not a number")
+        return float(value)
+
+    focal_length = GF_UNIT * number(camera.GetFocalLengthAttr())
+    width = GF_UNIT * number(camera.GetHorizontalApertureAttr())
+    height = GF_UNIT * number(camera.GetVerticalApertureAttr())
+    shift_x = GF_UNIT * number(camera.GetHorizontalApertureOffsetAttr())
+    shift_y = GF_UNIT * number(camera.GetVerticalApertureOffsetAttr())
+    if not (width > 0 and height > 0):
+        raise Error(f"{path}: the camera's apertures must be positive")
+    orthographic = camera.GetProjectionAttr().Get(time) == UsdGeom.Tokens.orthographic
+    if not orthographic and not focal_length > 0:
+        raise Error(f"{path}: the camera's focalLength must be positive")
+    scale = 1.0 if orthographic else 1 / focal_length
+    window = (
+        (shift_x - width / 2) * scale,
+        (shift_x + width / 2) * scale,
+        (shift_y - height / 2) * scale,
+        (shift_y + height / 2) * scale,
+    )
+
+    f_stop = number(camera.GetFStopAttr())
+    focus_distance = number(camera.GetFocusDistanceAttr())
+    radius = 0.0 if orthographic or f_stop <= 0 else focal_length / (2 * f_stop)
+    if radius > 0 and not focus_distance > 0:
+        report.note("cameras with an fStop but no focusDistance are in focus everywhere", path)
+        radius = 0.0
+    near, far = camera.GetClippingRangeAttr().Get(time)
+    if not (math.isfinite(near) and far > near):
+        report.warn("clipping ranges that are empty are ignored", path)
+        near, far = 0.0, math.inf
+    _warn_of_unsupported(camera, time, report)
+    return Camera(
+        transform=transform,
+        projection="orthographic" if orthographic else "perspective",
+        window=window,
+        lens_radius=radius,
+        focus_distance=focus_distance if focus_distance > 0 else 1.0,
+        clipping=(float(near), float(far)),
+        exposure=exposure_scale(camera, time),
+        name=str(path),
+    )
+
+
+def exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode) -> float:
+    """The factor on the image: responsivity · time · (iso / 100) · 2^exposure / fStop²
+    (UsdGeomCamera, exposure attributes)."""
+    if hasattr(camera, "ComputeLinearExposureScale"):
+        return float(camera.ComputeLinearExposureScale(time))
+
+    def value(name: str, default: float) -> float:
+        attribute = camera.GetPrim().GetAttribute(name)
+        authored = attribute.Get(time) if attribute else None
+        return default if authored is None else float(authored)
+
+    return (
+        value("exposure:responsivity", 1.0)
+        * value("exposure:time", 1.0)
+        * (value("exposure:iso", 100.0) / 100)
+        * 2 ** value("exposure", 0.0)
+        / value("exposure:fStop", 1.0) ** 2
+    )
+
+
+def _warn_of_unsupported(camera: UsdGeom.Camera, time: Usd.TimeCode, report: Report) -> None:
+    if camera.GetClippingPlanesAttr().Get(time):
+        report.warn("clipping planes of cameras are ignored", camera.GetPath())
+    shutter = camera.GetShutterOpenAttr().Get(time), camera.GetShutterCloseAttr().Get(time)
+    if shutter[0] != shutter[1] and anything_moves(camera.GetPrim().GetStage()):
+        report.warn("motion blur is not rendered", camera.GetPath())
+
+
+def anything_moves(stage: Usd.Stage) -> bool:
+    """Whether transforms or points of a stage change over time."""
+    for prim in stage.Traverse():
+        if prim.IsA(UsdGeom.Xformable) and UsdGeom.Xformable(prim).TransformMightBeTimeVarying():
+            return True
+        points = prim.GetAttribute("points") if prim.IsA(UsdGeom.PointBased) else None
+        if points and points.ValueMightBeTimeVarying():
+            return True
+    return False
+
+
+# ---------------------------------------------------------------------------------------------
+# Size of the image
+
+
+def resolve_size(
+    camera: Camera, settings: RenderSettings, width: int | None, height: int | None
+) -> tuple[int, int]:
+    """Pixels of the image: as asked for, else the render settings', else 960 wide.
+
+    With one of them asked for, the other follows from the aspect of the settings' resolution, or
+    else of the camera; usdrecord truncates it.
+    """
+    if width is not None and height is not None:
+        return width, height
+    if settings.resolution is not None:
+        aspect = settings.resolution[0] / settings.resolution[1]
+        if width is None and height is None:
+            return settings.resolution
+    else:
+        left, right, bottom, top = camera.window
+        aspect = (right - left) / (top - bottom) / settings.pixel_aspect_ratio
+    if height is not None:
+        return max(1, int(height * aspect + 1e-6)), height
+    width = DEFAULT_WIDTH if width is None else width
+    return width, max(1, int(width / aspect + 1e-6))
+
+
+def conformed(camera: Camera, settings: RenderSettings, width: int, height: int) -> Camera:
+    """The camera with its window fitted to the image's aspect (UsdRenderSettingsBase,
+    aspectRatioConformPolicy), about the window's centre."""
+    left, right, bottom, top = camera.window
+    wide, high = right - left, top - bottom
+    target = settings.pixel_aspect_ratio * width / height
+    policy = settings.conform_policy
+    if policy == "adjustPixelAspectRatio" or math.isclose(target, wide / high, rel_tol=1e-9):
+        return camera
+    wider = target > wide / high
+    adjusts_width = {
+        "adjustApertureWidth": True,
+        "adjustApertureHeight": False,
+        "cropAperture": not wider,
+    }.get(policy, wider)
+    if adjusts_width:
+        wide = high * target
+    else:
+        high = wide / target
+    x, y = (left + right) / 2, (bottom + top) / 2
+    return replace(camera, window=(x - wide / 2, x + wide / 2, y - high / 2, y + high / 2))

@@ -1,0 +1,82 @@
+"""What would be rendered of a stage, and what not."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+
+from pxr import Usd
+
+from usdmlt.errors import Report, Warning
+from usdmlt.scene import Scene
+from usdmlt.stage.loading import read_stage
+
+
+@dataclass
+class Inspection:
+    """The content of a stage as it would be rendered.
+
+    ``triangles``: distinct ones; ``triangles_instanced``: with every placement counted.
+    ``warnings``: each kind of content that is not rendered as authored, with all its prim paths.
+    """
+
+    stage: str
+    frame: float | None
+    camera: str
+    camera_reason: str
+    width: int
+    height: int
+    purposes: list[str]
+    up_axis: str
+    meters_per_unit: float
+    meshes: int
+    triangles: int
+    triangles_instanced: int
+    prototypes: int
+    instances: int
+    materials: list[str]
+    lights: list[tuple[str, str]]  # (family, name)
+    textures: list[tuple[str, int, int]]  # (file, width, height)
+    texture_bytes: int
+    warnings: list[Warning] = field(default_factory=list)
+
+
+def inspect(stage: Usd.Stage | str | os.PathLike[str], **options) -> Inspection:
+    """Read a stage as :func:`usdmlt.load` does, with the same options, and say what is in it.
+
+    Nothing is logged: the warnings are in the result. ``strict`` is not an option.
+    """
+    report = Report()
+    reading = read_stage(report, stage, **options)
+    return summarize(reading.scene, reading.camera_reason, report)
+
+
+def summarize(scene: Scene, camera_reason: str, report: Report) -> Inspection:
+    """The inspection of a scene description that was read with ``report``."""
+    per_prototype = [sum(len(m.triangles) for m in p.meshes) for p in scene.prototypes]
+    single = sum(len(mesh.triangles) for mesh in scene.meshes)
+    placed = sum(len(i.transforms) * per_prototype[i.prototype] for i in scene.instances)
+    files = {t.name: (t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures}
+    arrays = {id(t.pixels): t.pixels.nbytes for t in scene.textures}
+    metadata = scene.metadata
+    return Inspection(
+        stage=str(metadata["stage"]),
+        frame=metadata["frame"],
+        camera=scene.camera.name,
+        camera_reason=camera_reason,
+        width=scene.width,
+        height=scene.height,
+        purposes=list(metadata["purposes"]),
+        up_axis=str(metadata["up_axis"]),
+        meters_per_unit=float(metadata["meters_per_unit"]),
+        meshes=len(scene.meshes) + sum(len(p.meshes) for p in scene.prototypes),
+        triangles=single + sum(per_prototype),
+        triangles_instanced=single + placed,
+        prototypes=len(scene.prototypes),
+        instances=sum(len(i.transforms) for i in scene.instances),
+        materials=[material.name for material in scene.materials],
+        lights=[(type(light).__name__, light.name) for light in scene.lights],
+        textures=[(name, *size) for name, size in files.items()],
+        texture_bytes=sum(arrays.values()),
+        warnings=report.warnings,
+    )

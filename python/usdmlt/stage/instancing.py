@@ -1,0 +1,259 @@
+"""Native instances and point instancers, flattened to (prototype, transforms to the world).
+
+Instances share a group when they would look the same: they have the same USD prototype and
+inherit the same material, purpose and constant primvars from outside of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdShade
+
+from usdmlt.errors import Error, Report
+from usdmlt.scene import Instances, Light, Mesh, Prototype
+from usdmlt.stage.lights import moved
+from usdmlt.stage.transforms import singular
+from usdmlt.stage.traversal import CHILDREN, PROTOTYPE_CHILDREN, Group, Placed, Traversal
+
+BINDING = "material:binding"
+
+
+class Instancing:
+    """Collects the groups of a stage: the world and every prototype, each walked once."""
+
+    def __init__(
+        self, stage: Usd.Stage, traversal: Traversal, material_purpose: str, report: Report
+    ):
+        self.stage = stage
+        self.traversal = traversal
+        self.time = traversal.time
+        self.material_purpose = material_purpose
+        self.report = report
+        self.groups: list[Group] = []
+        self._by_key: dict[Hashable, Group] = {}
+        self._collections: dict[Usd.Prim, bool] = {}
+        self._shader_primvars: set[str] | None = None
+
+    def collect(self) -> Group:
+        """Walk the stage. Returns the world; :attr:`groups` has all groups, the world first."""
+        world = Group("/")
+        self.traversal.walk(world, self.stage.GetPseudoRoot().GetFilteredChildren(CHILDREN))
+        self.groups.append(world)
+        for group in self.groups:  # grows while it is walked
+            self._resolve_instances(group)
+            for instancer in group.instancers:
+                self._resolve_instancer(group, instancer)
+        return world
+
+    # -- native instances
+
+    def _resolve_instances(self, group: Group) -> None:
+        prims = [placed.prim for placed in group.instances]
+        if not prims:
+            return
+        bound = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, self.material_purpose)
+        placements: dict[Hashable, list[Placed]] = {}
+        for placed, material, relationship in zip(group.instances, *bound, strict=True):
+            key = self._key(placed, material, relationship)
+            placements.setdefault(key, []).append(placed)
+        for key, instances in placements.items():
+            transforms = np.array([placed.matrix for placed in instances])
+            for index in np.flatnonzero(singular(transforms)):
+                raise Error(f"{instances[index].prim.GetPath()}: the transform is singular")
+            if key not in self._by_key:
+                self._by_key[key] = self._walk_instance(instances[0])
+            group.children.append((self._by_key[key], transforms))
+
+    def _walk_instance(self, placed: Placed) -> Group:
+        """A new group of what is below an instance, seen through its proxies."""
+        prim = placed.prim
+        to_world = self.traversal.xforms.GetLocalToWorldTransform(prim)
+        group = Group(str(prim.GetPath()), from_world=to_world.GetInverse())
+        self.traversal.walk(group, prim.GetFilteredChildren(CHILDREN), placed.purpose)
+        self.groups.append(group)
+        return group
+
+    def _key(self, placed: Placed, material: UsdShade.Material, relationship) -> Hashable:
+        """What instances have in common that look the same."""
+        prim = placed.prim
+        strength = None
+        if relationship:
+            strength = str(UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(relationship))
+        key = (
+            str(prim.GetPrototype().GetPath()),
+            str(material.GetPath()) if material else "",
+            strength,
+            placed.purpose,
+            self._inherited_primvars(prim),
+        )
+        if not self._has_collection_bindings(prim):
+            return key
+        # A collection may tell apart what is inside: compare all the bindings there.
+        inside = Usd.PrimRange(prim, CHILDREN)
+        below = [p for p in inside if p.IsA(UsdGeom.Gprim) or p.IsA(UsdGeom.Subset)]
+        materials, _ = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(
+            below, self.material_purpose
+        )
+        return (*key, tuple(str(m.GetPath()) if m else "" for m in materials))
+
+    def _has_collection_bindings(self, prim: Usd.Prim) -> bool:
+        """Whether a prim or one above it binds materials by collections."""
+        if not prim or prim.IsPseudoRoot():
+            return False
+        if prim not in self._collections:
+            names = prim.GetAuthoredPropertiesInNamespace(BINDING)
+            own = any(p.GetName().startswith(f"{BINDING}:collection") for p in names)
+            self._collections[prim] = own or self._has_collection_bindings(prim.GetParent())
+        return self._collections[prim]
+
+    def _inherited_primvars(self, prim: Usd.Prim) -> Hashable:
+        """The constant primvars an instance hands down, of those that materials may read."""
+        primvars = UsdGeom.PrimvarsAPI(prim).FindInheritablePrimvars()
+        found = []
+        for primvar in primvars:
+            name = str(primvar.GetPrimvarName())
+            if name in self._primvars_read():
+                value = np.asarray(primvar.ComputeFlattened(self.time))
+                found.append((name, str(value.dtype), value.tobytes()))
+        return tuple(found)
+
+    def _primvars_read(self) -> set[str]:
+        """The names of primvars that shaders anywhere on the stage read."""
+        if self._shader_primvars is None:
+            names = {"displayColor", "displayOpacity", "st", "normals"}
+            for root in (self.stage.GetPseudoRoot(), *self.stage.GetPrototypes()):
+                for prim in Usd.PrimRange.AllPrims(root):
+                    if prim.GetTypeName() == "Shader":
+                        names |= _names_read(UsdShade.Shader(prim), self.time)
+            self._shader_primvars = names
+        return self._shader_primvars
+
+    # -- point instancers
+
+    def _resolve_instancer(self, group: Group, placed: Placed) -> None:
+        prim = placed.prim
+        instancer, path = UsdGeom.PointInstancer(prim), prim.GetPath()
+        targets = instancer.GetPrototypesRel().GetForwardedTargets()
+        which = np.asarray(instancer.GetProtoIndicesAttr().Get(self.time) or [], dtype=np.int64)
+        if not len(which):
+            return
+        if not (which.min() >= 0 and which.max() < len(targets)):
+            worst = which.min() if which.min() < 0 else which.max()
+            raise Error(
+                f"{path}: protoIndices has {worst}, but there are {len(targets)} prototypes"
+            )
+        transforms = instancer.ComputeInstanceTransformsAtTime(
+            self.time,
+            self.time,
+            UsdGeom.PointInstancer.ExcludeProtoXform,
+            UsdGeom.PointInstancer.IgnoreMask,
+        )
+        transforms = np.array(transforms, dtype=np.float64).reshape(-1, 4, 4)
+        if len(transforms) != len(which):
+            raise Error(f"{path}: positions, orientations or scales do not match protoIndices")
+        visible = np.ones(len(which), dtype=bool)
+        mask = instancer.ComputeMaskAtTime(self.time)
+        if len(mask):
+            visible = np.asarray(mask, dtype=bool)
+        if not np.isfinite(transforms[visible]).all():
+            raise Error(f"{path}: positions, orientations or scales are not finite")
+        flat = visible & singular(transforms)
+        if flat.any():
+            self.report.note("point instances scaled to nothing are left out", path)
+            visible &= ~flat
+        self._warn_of_per_instance_primvars(instancer)
+
+        transforms = transforms @ placed.matrix
+        if singular(placed.matrix):
+            raise Error(f"{path}: the transform is singular")
+        for index in np.unique(which[visible]):
+            child = self._prototype(instancer, targets[index], placed)
+            if child is not None:
+                group.children.append((child, transforms[visible & (which == index)]))
+
+    def _prototype(self, instancer: UsdGeom.PointInstancer, target, placed: Placed) -> Group | None:
+        """The group of a prototype of an instancer, its own transform included."""
+        prim = self.stage.GetPrimAtPath(target)
+        if not prim:
+            raise Error(f"{instancer.GetPath()}: its prototype {target} does not exist")
+        if not prim.IsActive():
+            return None
+        key = ("point instancer", str(instancer.GetPath()), str(target), placed.purpose)
+        if key not in self._by_key:
+            to_world = self.traversal.xforms.GetParentToWorldTransform(prim)
+            group = Group(str(target), from_world=to_world.GetInverse())
+            self.traversal.walk(group, [prim], placed.purpose, PROTOTYPE_CHILDREN)
+            self.groups.append(group)
+            self._by_key[key] = group
+        return self._by_key[key]
+
+    def _warn_of_per_instance_primvars(self, instancer: UsdGeom.PointInstancer) -> None:
+        for primvar in UsdGeom.PrimvarsAPI(instancer).GetPrimvarsWithAuthoredValues():
+            if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
+                self.report.warn(
+                    "primvars that differ between point instances are ignored",
+                    primvar.GetAttr().GetPath(),
+                )
+
+
+def _names_read(shader: UsdShade.Shader, time: Usd.TimeCode) -> set[str]:
+    """The primvar a reader node names."""
+    names = set()
+    for name in ("varname", "geomprop"):
+        shader_input = shader.GetInput(name)
+        if shader_input:
+            for attribute in shader_input.GetValueProducingAttributes():
+                names.add(str(attribute.Get(time)))
+    return names
+
+
+# ---------------------------------------------------------------------------------------------
+# Flattening
+
+
+def flatten(
+    world: Group,
+) -> tuple[list[Mesh], list[Prototype], list[Instances], list[Light]]:
+    """Meshes, prototypes, their placements and lights, all in world space.
+
+    What is placed once becomes plain meshes. Raises :class:`Error` for an instancer that is one of
+    its own prototypes.
+    """
+    placements: dict[int, tuple[Group, list[np.ndarray]]] = {}
+    _place(world, np.eye(4)[None], placements, [])
+    meshes: list[Mesh] = []
+    prototypes: list[Prototype] = []
+    instances: list[Instances] = []
+    lights: list[Light] = []
+    for group, pieces in placements.values():
+        transforms = np.concatenate(pieces)
+        lights += [moved(light, t) for t in transforms for light in group.scene_lights]
+        if len(transforms) == 1:
+            for mesh in group.scene_meshes:
+                mesh.transform = mesh.transform @ transforms[0]
+            meshes += group.scene_meshes
+        elif group.scene_meshes:
+            instances.append(Instances(len(prototypes), transforms, name=group.name))
+            prototypes.append(Prototype(group.scene_meshes, name=group.name))
+    return meshes, prototypes, instances, lights
+
+
+def _place(
+    group: Group,
+    transforms: np.ndarray,
+    placements: dict[int, tuple[Group, list[np.ndarray]]],
+    inside: list[Group],
+) -> None:
+    """Record where a group is, (n, 4, 4), and everything below it."""
+    if any(group is outer for outer in inside):
+        raise Error(f"{group.name}: a prototype that contains itself")
+    placements.setdefault(id(group), (group, []))[1].append(transforms)
+    by_child: dict[int, tuple[Group, list[np.ndarray]]] = {}
+    for child, local in group.children:
+        by_child.setdefault(id(child), (child, []))[1].append(local)
+    for child, pieces in by_child.values():
+        local = np.concatenate(pieces)
+        combined = (local[None] @ transforms[:, None]).reshape(-1, 4, 4)
+        _place(child, combined, placements, [*inside, group])

@@ -1,0 +1,173 @@
+"""Materials: which render context is read, the surfaces that are known, and the fallback."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
+
+from pxr import Sdf, Usd, UsdShade
+
+from usdmlt.errors import Report
+from usdmlt.scene import (
+    Closure,
+    Diffuse,
+    Material,
+    PreviewSurface,
+    PrimvarInput,
+    TextureInput,
+    UniformEmission,
+)
+from usdmlt.stage.materialx import read_surface
+from usdmlt.stage.networks import Networks, Unusable, is_zero, node_id
+from usdmlt.stage.preview_surface import read_preview_surface
+
+# The surface nodes that are rendered. The MaterialX context comes first where it is one of them.
+SURFACES: dict[str, Callable[[Networks, UsdShade.Shader], Material]] = {
+    "UsdPreviewSurface": read_preview_surface,
+    "ND_UsdPreviewSurface_surfaceshader": read_preview_surface,
+    "ND_surface": read_surface,
+}
+CONTEXTS = ("mtlx", "")
+GREY = (0.18, 0.18, 0.18)
+
+
+class Materials:
+    """The materials of a scene, each read once."""
+
+    def __init__(self, networks: Networks, report: Report):
+        self.networks = networks
+        self.report = report
+        self.materials: list[Material] = []
+        self._indices: dict[Sdf.Path, int | None] = {}
+        self._fallbacks: dict[bool, int] = {}
+        self._primvars: dict[int, set[str]] = {}
+
+    def index(self, material: UsdShade.Material) -> int | None:
+        """The index of a material; None, with a warning, if it has no surface to render."""
+        prim = material.GetPrim()
+        if prim.IsInstanceProxy():  # the same for all instances of a prototype
+            prim = prim.GetPrimInPrototype()
+        path = prim.GetPath()
+        if path not in self._indices:
+            read = self._read(material)
+            self._indices[path] = None if read is None else self._append(read)
+        return self._indices[path]
+
+    def fallback(self, with_opacity: bool) -> int:
+        """The material of meshes that have none: diffuse, displayColor and displayOpacity."""
+        if with_opacity not in self._fallbacks:
+            material = Material(
+                Diffuse(color=PrimvarInput("displayColor", GREY)),
+                opacity=PrimvarInput("displayOpacity", 1.0) if with_opacity else 1.0,
+                name="displayColor",
+            )
+            self._fallbacks[with_opacity] = self._append(material)
+        return self._fallbacks[with_opacity]
+
+    def primvars(self, index: int) -> set[str]:
+        """The primvars that a material reads."""
+        if index not in self._primvars:
+            self._primvars[index] = {name for name in _primvar_names(self.materials[index]) if name}
+        return self._primvars[index]
+
+    def _append(self, material: Material) -> int:
+        self.materials.append(material)
+        return len(self.materials) - 1
+
+    def _read(self, material: UsdShade.Material) -> Material | None:
+        path = material.GetPath()
+        for output in material.GetVolumeOutputs():
+            if output.HasConnectedSource():
+                self.report.warn("volume materials are not rendered", path)
+        unusable = []
+        for context in CONTEXTS:
+            output = material.GetSurfaceOutput(context)
+            if not output or not output.GetAttr().HasAuthoredConnections():
+                continue
+            try:
+                shader = self._surface(output)
+                read = SURFACES[node_id(shader)](self.networks, shader)
+            except Unusable as reason:
+                unusable.append(reason)
+                continue
+            read.name = str(path)
+            return read
+        for reason in unusable:
+            self.report.warn(reason.reason, reason.path)
+        if not unusable:
+            self._warn_without_surface(material)
+        return None
+
+    def _surface(self, output: UsdShade.Output) -> UsdShade.Shader:
+        """The shader behind a surface output, through node graphs."""
+        path = output.GetAttr().GetPath()
+        sources = UsdShade.Utils.GetValueProducingAttributes(output, shaderOutputsOnly=True)
+        if not sources:
+            raise Unusable("materials whose surface is connected to nothing", path)
+        shader = UsdShade.Shader(sources[0].GetPrim())
+        node = node_id(shader)
+        if node not in SURFACES:
+            raise Unusable(
+                f"surface shaders of type {node or '(no identifier)'} are not rendered",
+                shader.GetPath(),
+            )
+        return shader
+
+    def _warn_without_surface(self, material: UsdShade.Material) -> None:
+        """A material without a surface we know of says so; one that is only a volume has."""
+        contexts = sorted(
+            {output.GetBaseName().split(":")[0] for output in material.GetSurfaceOutputs()}
+            - {"surface", "mtlx"}
+        )
+        if contexts:
+            self.report.warn(
+                f"materials for other renderers only ({', '.join(contexts)})", material.GetPath()
+            )
+        elif not any(o.HasConnectedSource() for o in material.GetVolumeOutputs()):
+            self.report.warn("materials without a surface", material.GetPath())
+
+
+def _primvar_names(node: object) -> Iterator[str]:
+    """The primvars of all inputs below a dataclass of the scene description."""
+    if isinstance(node, (TextureInput, PrimvarInput)):
+        yield node.primvar
+    if isinstance(node, tuple):
+        for item in node:
+            yield from _primvar_names(item)
+    elif is_dataclass(node):
+        for field in fields(node):
+            yield from _primvar_names(getattr(node, field.name))
+
+
+def emits(material: Material) -> bool:
+    """Whether a material gives off light."""
+    return _closure_emits(material.closure)
+
+
+def _closure_emits(closure: Closure | None) -> bool:
+    if isinstance(closure, PreviewSurface):
+        return not is_zero(closure.emissiveColor)
+    if isinstance(closure, UniformEmission):
+        return not is_zero(closure.color)
+    if closure is None or not is_dataclass(closure):
+        return False
+    return any(_closure_emits(getattr(closure, f.name)) for f in fields(closure))
+
+
+def bound_materials(
+    prims: list[Usd.Prim], purpose: str, report: Report
+) -> list[UsdShade.Material | None]:
+    """The material bound to each prim, resolved by USD; None, with a warning, for missing ones."""
+    if not prims:
+        return []
+    materials, relationships = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, purpose)
+    result = []
+    for prim, material, relationship in zip(prims, materials, relationships, strict=True):
+        if material:
+            result.append(material)
+            continue
+        result.append(None)
+        if relationship and relationship.GetTargets():
+            target = relationship.GetTargets()[0]
+            report.warn("bound materials are missing", f"{prim.GetPath()} ({target})")
+    return result

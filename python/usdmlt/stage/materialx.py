@@ -1,0 +1,243 @@
+"""MaterialX surfaces built from the BSDF and EDF nodes of its PBR library.
+
+A reader takes (graph, shader) and returns a closure of the scene description. Input names and
+defaults are those of MaterialX's pbrlib definitions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from pxr import Sdf, UsdShade
+
+from usdmlt.scene import (
+    Add,
+    Closure,
+    Conductor,
+    Dielectric,
+    Diffuse,
+    GeneralizedSchlick,
+    Input,
+    Layer,
+    Material,
+    Mix,
+    Multiply,
+    TextureInput,
+    UniformEmission,
+)
+from usdmlt.stage.networks import Kind, Networks, Unusable, node_id
+
+WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+
+
+@dataclass
+class Graph:
+    """A graph of closures while it is read."""
+
+    networks: Networks
+    normals: list[TextureInput] = field(default_factory=list)
+    active: list[Sdf.Path] = field(default_factory=list)
+
+    def input(self, shader: UsdShade.Shader, name: str, default: Any, kind: Kind) -> Input:
+        return self.networks.read(shader, name, default, kind)
+
+    def closure(self, shader: UsdShade.Shader, name: str) -> Closure | None:
+        """The closure connected to an input; None if there is none."""
+        source = self.networks.source(shader, name)
+        if source is None or source.shader is None:
+            return None
+        path = source.shader.GetPath()
+        if path in self.active:
+            raise Unusable("shading networks go round in a circle", path)
+        reader = CLOSURES.get(source.node)
+        if reader is None:
+            raise Unusable(
+                f"MaterialX closures of type {source.node or '(none)'} are not rendered", path
+            )
+        self.active.append(path)
+        try:
+            return reader(self, source.shader)
+        finally:
+            self.active.pop()
+
+    def scatter(self, shader: UsdShade.Shader, name: str) -> Closure:
+        """As :meth:`closure`; an unconnected closure is black, as MaterialX has it."""
+        return self.closure(shader, name) or Diffuse(color=BLACK, weight=0.0)
+
+
+def _roughness(graph: Graph, shader: UsdShade.Shader) -> Any:
+    """GGX alpha, isotropic as one input where both are equal."""
+    value = graph.input(shader, "roughness", (0.05, 0.05), "float2")
+    if isinstance(value, TextureInput) and value.channel == "rgb":
+        return replace(value, channel="r"), replace(value, channel="g")
+    if isinstance(value, tuple) and len(value) == 2 and value[0] == value[1]:
+        return value[0]
+    return value
+
+
+def _scatter_mode(graph: Graph, shader: UsdShade.Shader) -> str:
+    mode = str(graph.networks.value(shader, "scatter_mode", "R"))
+    if mode not in ("R", "T", "RT"):
+        graph.networks.report.warn(f"scatter mode {mode!r} is read as R", shader.GetPath())
+        return "R"
+    return mode
+
+
+def _note_shared(graph: Graph, shader: UsdShade.Shader) -> None:
+    """Inputs that several BSDFs have: a normal map; thin films are left out."""
+    source = graph.networks.source(shader, "normal")
+    if source is not None and source.shader is not None:
+        normal = _normal_map(graph, source.shader)
+        if normal is None:
+            graph.networks.report.warn(
+                f"normals from {source.node or 'unknown nodes'} are not rendered", shader.GetPath()
+            )
+        else:
+            graph.normals.append(normal)
+    thickness = graph.input(shader, "thinfilm_thickness", 0.0, "float")
+    if thickness != 0.0:
+        graph.networks.report.warn("thin films are not rendered", shader.GetPath())
+
+
+def _normal_map(graph: Graph, shader: UsdShade.Shader) -> TextureInput | None:
+    """ND_normalmap: a tangent-space normal stored as (n + 1) / 2."""
+    if not node_id(shader).startswith("ND_normalmap"):
+        return None
+    stored = graph.input(shader, "in", None, "data")
+    strength = graph.input(shader, "scale", 1.0, "float")
+    if not isinstance(stored, TextureInput) or not isinstance(strength, float):
+        return None
+    stored.scale = (2 * strength, 2 * strength, 2.0, 1.0)
+    stored.bias = (-strength, -strength, -1.0, 0.0)
+    return stored
+
+
+# ---------------------------------------------------------------------------------------------
+# BSDFs
+
+
+def _diffuse(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    _note_shared(graph, shader)
+    return Diffuse(
+        color=graph.input(shader, "color", (0.18, 0.18, 0.18), "color"),
+        weight=graph.input(shader, "weight", 1.0, "float"),
+        roughness=graph.input(shader, "roughness", 0.0, "float"),
+    )
+
+
+def _dielectric(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    _note_shared(graph, shader)
+    return Dielectric(
+        ior=graph.input(shader, "ior", 1.5, "float"),
+        roughness=_roughness(graph, shader),
+        tint=graph.input(shader, "tint", WHITE, "color"),
+        weight=graph.input(shader, "weight", 1.0, "float"),
+        scatter_mode=_scatter_mode(graph, shader),
+    )
+
+
+def _conductor(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    _note_shared(graph, shader)
+    default = Conductor()
+    return Conductor(
+        ior=graph.input(shader, "ior", default.ior, "data"),
+        extinction=graph.input(shader, "extinction", default.extinction, "data"),
+        roughness=_roughness(graph, shader),
+        weight=graph.input(shader, "weight", 1.0, "float"),
+    )
+
+
+def _generalized_schlick(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    _note_shared(graph, shader)
+    if graph.input(shader, "color82", WHITE, "color") != WHITE:
+        graph.networks.report.warn(
+            "color82 of ND_generalized_schlick_bsdf is ignored", shader.GetPath()
+        )
+    return GeneralizedSchlick(
+        color0=graph.input(shader, "color0", WHITE, "color"),
+        color90=graph.input(shader, "color90", WHITE, "color"),
+        exponent=graph.input(shader, "exponent", 5.0, "float"),
+        roughness=_roughness(graph, shader),
+        weight=graph.input(shader, "weight", 1.0, "float"),
+        scatter_mode=_scatter_mode(graph, shader),
+    )
+
+
+def _uniform_edf(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    return UniformEmission(color=graph.input(shader, "color", WHITE, "color"))
+
+
+# ---------------------------------------------------------------------------------------------
+# Combinations
+
+
+def _layer(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    top, base = graph.closure(shader, "top"), graph.closure(shader, "base")
+    if top is None or base is None:
+        return top or base or graph.scatter(shader, "base")
+    return Layer(top=top, base=base)
+
+
+def _mix(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    return Mix(
+        foreground=graph.scatter(shader, "fg"),
+        background=graph.scatter(shader, "bg"),
+        mix=graph.input(shader, "mix", 0.0, "float"),
+    )
+
+
+def _add(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    return Add(a=graph.scatter(shader, "in1"), b=graph.scatter(shader, "in2"))
+
+
+def _multiply_by_float(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    return Multiply(graph.scatter(shader, "in1"), graph.input(shader, "in2", 1.0, "float"))
+
+
+def _multiply_by_color(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    return Multiply(graph.scatter(shader, "in1"), graph.input(shader, "in2", WHITE, "color"))
+
+
+CLOSURES: dict[str, Callable[[Graph, UsdShade.Shader], Closure]] = {
+    "ND_oren_nayar_diffuse_bsdf": _diffuse,
+    "ND_dielectric_bsdf": _dielectric,
+    "ND_conductor_bsdf": _conductor,
+    "ND_generalized_schlick_bsdf": _generalized_schlick,
+    "ND_uniform_edf": _uniform_edf,
+    "ND_layer_bsdf": _layer,
+    "ND_mix_bsdf": _mix,
+    "ND_mix_edf": _mix,
+    "ND_add_bsdf": _add,
+    "ND_add_edf": _add,
+    "ND_multiply_bsdfF": _multiply_by_float,
+    "ND_multiply_bsdfC": _multiply_by_color,
+    "ND_multiply_edfF": _multiply_by_float,
+    "ND_multiply_edfC": _multiply_by_color,
+}
+
+
+# ---------------------------------------------------------------------------------------------
+# Surfaces
+
+
+def read_surface(networks: Networks, shader: UsdShade.Shader) -> Material:
+    """ND_surface: a BSDF, an EDF and an opacity, which is a coverage.
+
+    Raises :class:`Unusable` where the graph has closures that are not rendered.
+    """
+    graph = Graph(networks)
+    bsdf, emission = graph.closure(shader, "bsdf"), graph.closure(shader, "edf")
+    closure = Add(bsdf, emission) if bsdf and emission else bsdf or emission
+    if networks.value(shader, "thin_walled", False):
+        networks.report.warn("thin-walled surfaces are rendered as solid ones", shader.GetPath())
+    if any(str(normal) != str(graph.normals[0]) for normal in graph.normals[1:]):
+        networks.report.warn(
+            "closures of one surface share the first one's normal map", shader.GetPath()
+        )
+    return Material(
+        closure,
+        opacity=networks.read(shader, "opacity", 1.0, "float"),
+        normal=graph.normals[0] if graph.normals else None,
+    )

@@ -1,0 +1,138 @@
+"""UsdGeomMesh: polygons, orientation, holes, primvars, normals and face subsets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from usdmlt.errors import Error, Report
+from usdmlt.scene import Mesh
+from usdmlt.stage.normals import (
+    area_vectors,
+    authored_normals,
+    normals_at_corners,
+    smooth_normals,
+)
+from usdmlt.stage.primvars import Topology
+from usdmlt.stage.triangulation import triangulate
+
+# A triangle is degenerate where its height is below this fraction of its longest edge.
+DEGENERATE = 1e-12
+
+
+@dataclass
+class Polygons:
+    """The authored topology of a mesh, checked."""
+
+    points: np.ndarray
+    counts: np.ndarray
+    indices: np.ndarray
+
+
+def read_polygons(mesh: UsdGeom.Mesh, points: np.ndarray, time: Usd.TimeCode) -> Polygons:
+    """Face counts and indices; :class:`Error` if they contradict each other or the points."""
+    path = mesh.GetPath()
+    counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(time) or [], dtype=np.int32)
+    indices = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time) or [], dtype=np.int32)
+    if not np.isfinite(points).all():
+        bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+        raise Error(f"{path}: point {bad} is not finite: {points[bad].tolist()}")
+    if len(counts) and counts.min() < 0:
+        raise Error(f"{path}: faceVertexCounts has a negative count")
+    if counts.sum(dtype=np.int64) != len(indices):
+        raise Error(
+            f"{path}: faceVertexCounts add up to {counts.sum(dtype=np.int64)}, "
+            f"but there are {len(indices)} faceVertexIndices"
+        )
+    if len(indices) and not (indices.min() >= 0 and indices.max() < len(points)):
+        worst = int(indices.min() if indices.min() < 0 else indices.max())
+        raise Error(f"{path}: faceVertexIndices has {worst}, out of range for {len(points)} points")
+    return Polygons(points, counts, indices)
+
+
+def read_topology(mesh: UsdGeom.Mesh, polygons: Polygons, time: Usd.TimeCode) -> Topology:
+    """The triangles of a mesh: holes left out, counter-clockwise seen from outside."""
+    corners, faces = triangulate(polygons.points, polygons.counts, polygons.indices)
+    if mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
+        corners = np.ascontiguousarray(corners[:, (0, 2, 1)])
+    vertices = polygons.indices[corners]
+    topology = Topology(
+        len(polygons.points), len(polygons.counts), len(polygons.indices), corners, faces, vertices
+    )
+    holes = mesh.GetHoleIndicesAttr().Get(time)
+    if holes:
+        holes = np.asarray(holes)
+        if not (holes.min() >= 0 and holes.max() < topology.face_count):
+            raise Error(
+                f"{mesh.GetPath()}: holeIndices out of range (0 to {topology.face_count - 1})"
+            )
+        topology = topology.subset(~np.isin(faces, holes))
+    return topology
+
+
+def without_degenerate(topology: Topology, points: np.ndarray) -> Topology:
+    """The topology without triangles of no area."""
+    if not len(topology.vertices):
+        return topology
+    doubled_area = np.linalg.norm(area_vectors(points, topology.vertices), axis=1)
+    corners = [points[topology.vertices[:, i]].astype(np.float64) for i in range(3)]
+    longest = np.zeros(len(doubled_area))
+    for i in range(3):
+        edge = corners[i] - corners[i - 1]
+        np.maximum(longest, np.einsum("ij,ij->i", edge, edge), out=longest)
+    keep = doubled_area > DEGENERATE * longest
+    return topology if keep.all() else topology.subset(keep)
+
+
+def read_mesh(
+    prim: Usd.Prim,
+    points: np.ndarray,
+    time: Usd.TimeCode,
+    report: Report,
+) -> tuple[Mesh, Topology] | None:
+    """The triangles and normals of a mesh with points (n, 3) float32, and how they relate to what
+    was authored; None if nothing is left to see.
+
+    Meshes of another subdivision scheme than "none" are shown as their cage, smoothly shaded:
+    authored normals do not apply to them (UsdGeomMesh).
+    """
+    mesh, path = UsdGeom.Mesh(prim), prim.GetPath()
+    polygons = read_polygons(mesh, points, time)
+    topology = read_topology(mesh, polygons, time)
+    if not len(topology.vertices):
+        report.note("meshes without faces", path)
+        return None
+    solid = without_degenerate(topology, points)
+    if len(solid.vertices) < len(topology.vertices):
+        report.note("faces without area are left out", path)
+    topology = solid
+    if not len(topology.vertices):
+        return None
+
+    if mesh.GetSubdivisionSchemeAttr().Get(time) != UsdGeom.Tokens.none:
+        report.warn("subdivision surfaces are rendered as their cage", path)
+        normals = smooth_normals(points, topology.vertices)
+    else:
+        authored = authored_normals(mesh, topology, time, report)
+        normals = authored and normals_at_corners(*authored, topology, points)
+    mesh_ = Mesh(points=points, triangles=topology.vertices, normals=normals, name=str(path))
+    return mesh_, topology
+
+
+def face_materials(
+    topology: Topology, default: int, subsets: list[tuple[Usd.Prim, np.ndarray, int]]
+) -> int | np.ndarray:
+    """One material for the mesh, or one per triangle where face subsets have their own."""
+    if not subsets:
+        return default
+    per_face = np.full(topology.face_count, default, dtype=np.int32)
+    for prim, faces, material in subsets:
+        if len(faces) and not (faces.min() >= 0 and faces.max() < topology.face_count):
+            raise Error(f"{prim.GetPath()}: indices out of range (0 to {topology.face_count - 1})")
+        per_face[faces] = material
+    per_triangle = per_face[topology.faces]
+    if (per_triangle == per_triangle[0]).all():
+        return int(per_triangle[0])
+    return per_triangle

@@ -1,0 +1,64 @@
+"""Where texture nodes look: the primvar they read, and its affine transform."""
+
+from __future__ import annotations
+
+import numpy as np
+from pxr import UsdShade
+
+from usdmlt.stage.networks import Networks, Unusable
+
+
+def read_texture_coordinates(
+    networks: Networks, shader: UsdShade.Shader, name: str, unconnected: str = ""
+) -> tuple[str, np.ndarray]:
+    """The primvar that an input such as ``st`` reads, and the (2, 3) transform applied to it.
+
+    ``unconnected``: the primvar of an input without connection; "" for one fixed point of the
+    texture, (0, 0) unless authored, as UsdUVTexture has it.
+    """
+    transform = np.eye(3)
+    visited = set()
+    while True:
+        if shader.GetPath() in visited:
+            raise Unusable("shading networks go round in a circle", shader.GetPath())
+        visited.add(shader.GetPath())
+        source = networks.source(shader, name)
+        if source is None or source.shader is None:
+            if source is None and unconnected:
+                return unconnected, transform[:2].copy()
+            point = (0.0, 0.0)
+            if source is not None:
+                point = networks.constant(source.attribute, point, "float2")
+            fixed = np.array([[0.0, 0.0, point[0]], [0.0, 0.0, point[1]], [0.0, 0.0, 1.0]])
+            return "", (transform @ fixed)[:2]
+
+        node, shader = source.node.removeprefix("ND_"), source.shader
+        if node == "UsdTransform2d":
+            transform = transform @ transform_2d(networks, shader)
+            name = "in"
+            continue
+        if node.startswith("UsdPrimvarReader_"):
+            primvar = networks.value(shader, "varname", "") or "st"
+        elif node.startswith("geompropvalue_"):
+            primvar = networks.value(shader, "geomprop", "") or "st"
+        else:
+            primvar = "st"
+            if not node.startswith("texcoord_"):
+                networks.report.warn(
+                    f"texture coordinates from {node or 'unknown nodes'} are read from st",
+                    shader.GetPath(),
+                )
+        return str(primvar), transform[:2].copy()
+
+
+def transform_2d(networks: Networks, shader: UsdShade.Shader) -> np.ndarray:
+    """UsdTransform2d as a 3x3 matrix: scale, then rotate counter-clockwise, then translate."""
+    scale = networks.value(shader, "scale", (1.0, 1.0))
+    translation = networks.value(shader, "translation", (0.0, 0.0))
+    angle = np.radians(float(networks.value(shader, "rotation", 0.0)))
+    c, s = np.cos(angle), np.sin(angle)
+    linear = np.array([[c, -s], [s, c]]) @ np.diag([float(scale[0]), float(scale[1])])
+    result = np.eye(3)
+    result[:2, :2] = linear
+    result[:2, 2] = translation
+    return result

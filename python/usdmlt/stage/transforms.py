@@ -1,0 +1,18 @@
+"""4x4 matrices that act on row vectors, as USD's do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# A linear map is singular where its determinant is below this fraction of what the lengths of its
+# rows allow.
+SINGULAR = 1e-14
+
+
+def singular(transforms: np.ndarray) -> np.ndarray:
+    """(...) bool: which of (..., 4, 4) matrices flatten space or are not finite."""
+    linear = transforms[..., :3, :3]
+    finite = np.isfinite(transforms).all(axis=(-1, -2))
+    safe = np.where(finite[..., None, None], linear, 0.0)
+    limit = SINGULAR * np.prod(np.linalg.norm(safe, axis=-1), axis=-1)
+    return ~finite | ~(np.abs(np.linalg.det(safe)) > limit)

@@ -1,0 +1,168 @@
+"""Walking the stage: what is visible, of a purpose that is rendered, and where it is.
+
+The walk sorts prims into a :class:`Group` each for the world and for every prototype. Native
+instances and point instancers are not entered; ``instancing`` makes groups of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
+
+from usdmlt.errors import Report
+from usdmlt.scene import Light, Mesh
+from usdmlt.stage import gprims, lights
+
+IDENTITY = Gf.Matrix4d(1.0)
+
+# Defined or not, abstract or not: prototypes of point instancers are often kept in overs and
+# classes so that nothing else draws them.
+PROTOTYPE_CHILDREN = Usd.TraverseInstanceProxies(
+    Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier
+)
+CHILDREN = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+
+
+@dataclass
+class Placed:
+    """A prim, what it is, and its transform to the space of its group."""
+
+    prim: Usd.Prim
+    kind: str
+    transform: Gf.Matrix4d
+    purpose: str
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """The transform as (4, 4) float64."""
+        return np.array(self.transform, dtype=np.float64)
+
+
+@dataclass
+class Group:
+    """What the world or a prototype holds, in its own space."""
+
+    name: str
+    from_world: Gf.Matrix4d = field(default_factory=lambda: Gf.Matrix4d(1.0))
+    gprims: list[Placed] = field(default_factory=list)
+    lights: list[Placed] = field(default_factory=list)
+    instances: list[Placed] = field(default_factory=list)  # of native prototypes
+    instancers: list[Placed] = field(default_factory=list)
+    children: list[tuple[Group, np.ndarray]] = field(default_factory=list)  # (n, 4, 4) each
+    # Filled in once the prims are read:
+    scene_meshes: list[Mesh] = field(default_factory=list)
+    scene_lights: list[Light] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a prim type means to the walk."""
+
+    role: str  # "mesh", "gprim", "light", "instancer", "skeleton root", "unsupported", ""
+    name: str = ""
+    imageable: bool = False
+    xformable: bool = False
+    descend: bool = True
+
+
+class Traversal:
+    """Walks one stage at one time."""
+
+    def __init__(self, time: Usd.TimeCode, purposes: tuple[str, ...], skinning, report: Report):
+        self.time = time
+        self.purposes = {"default", *purposes}
+        self.skinning = skinning
+        self.report = report
+        self.xforms = UsdGeom.XformCache(time)
+        self._kinds: dict[str, Kind] = {}
+
+    def walk(
+        self,
+        group: Group,
+        roots: list[Usd.Prim],
+        purpose: str = "default",
+        predicate=CHILDREN,
+    ) -> None:
+        """Sort ``roots`` and all below them into ``group``. ``purpose``: of their parent."""
+        stack = [(prim, IDENTITY, purpose) for prim in reversed(roots)]
+        while stack:
+            prim, transform, purpose = stack.pop()
+            kind = self._kind(prim)
+            if kind.imageable:
+                attribute = prim.GetAttribute("visibility")
+                if attribute and attribute.Get(self.time) == UsdGeom.Tokens.invisible:
+                    continue
+                attribute = prim.GetAttribute("purpose")
+                if attribute and attribute.HasAuthoredValue():
+                    purpose = str(attribute.Get())
+            if kind.xformable:
+                local, resets = self.xforms.GetLocalTransformation(prim)
+                transform = local * (group.from_world if resets else transform)
+            if prim.IsInstance():
+                group.instances.append(Placed(prim, "", transform, purpose))
+                continue
+            if kind.role and (purpose in self.purposes or kind.role == "instancer"):
+                self._sort(group, prim, kind, transform, purpose)
+            if kind.descend:
+                children = prim.GetFilteredChildren(predicate)
+                stack.extend((child, transform, purpose) for child in reversed(children))
+
+    def _sort(
+        self, group: Group, prim: Usd.Prim, kind: Kind, transform: Gf.Matrix4d, purpose: str
+    ) -> None:
+        placed = Placed(prim, kind.name, transform, purpose)
+        if kind.role in ("mesh", "gprim"):
+            group.gprims.append(placed)
+            if prim.HasAPI(UsdLux.LightAPI):
+                self.report.warn("mesh lights are rendered as plain meshes", prim.GetPath())
+        elif kind.role == "light":
+            group.lights.append(placed)
+        elif kind.role == "instancer":
+            group.instancers.append(placed)
+        elif kind.role == "skeleton root":
+            self.skinning.add_root(prim)
+        elif kind.role == "unsupported":
+            self.report.warn(f"{kind.name} prims are not rendered", prim.GetPath())
+        if kind.role != "light" and prim.HasAPI(UsdGeom.ModelAPI):
+            mode = UsdGeom.ModelAPI(prim).ComputeModelDrawMode()
+            if mode in (UsdGeom.Tokens.cards, UsdGeom.Tokens.bounds, UsdGeom.Tokens.origin):
+                self.report.warn("draw modes are ignored, the geometry is rendered", prim.GetPath())
+
+    def _kind(self, prim: Usd.Prim) -> Kind:
+        name = prim.GetTypeName()
+        if name not in self._kinds:
+            self._kinds[name] = _classify(prim, str(name))
+        return self._kinds[name]
+
+
+def _classify(prim: Usd.Prim, name: str) -> Kind:
+    """What prims of a type are to the walk, decided once per type."""
+    imageable, xformable = prim.IsA(UsdGeom.Imageable), prim.IsA(UsdGeom.Xformable)
+
+    def kind(role: str, descend: bool = True) -> Kind:
+        return Kind(role, name, imageable, xformable, descend)
+
+    if prim.IsA(UsdGeom.Mesh):
+        return kind("mesh")
+    if name in gprims.READERS:
+        return kind("gprim")
+    if name in lights.READERS:
+        return kind("light")
+    if prim.IsA(UsdGeom.PointInstancer):
+        return kind("instancer", descend=False)
+    if prim.IsA(UsdSkel.Root):
+        return kind("skeleton root")
+    if prim.IsA(UsdShade.Material) or prim.IsA(UsdShade.NodeGraph) or prim.IsA(UsdShade.Shader):
+        return kind("", descend=False)
+    if prim.IsA(UsdSkel.Skeleton) or prim.IsA(UsdGeom.Camera):
+        return kind("")
+    if prim.IsA(UsdGeom.Boundable) or prim.HasAPI(UsdLux.LightAPI) or _UNSUPPORTED & {name}:
+        return kind("unsupported")
+    if name and Usd.SchemaRegistry().FindConcretePrimDefinition(name) is None:
+        return kind("unsupported")
+    return kind("")
+
+
+_UNSUPPORTED = {"PluginLight", "PortalLight"}
