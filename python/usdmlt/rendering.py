@@ -5,14 +5,14 @@ from __future__ import annotations
 import logging
 import os
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from usdmlt import native
+from usdmlt import color, native
 from usdmlt._version import __version__
 from usdmlt.errors import UsageError
 from usdmlt.image import Image
@@ -62,6 +62,7 @@ class Rendering:
     def __init__(self, scene: Scene, settings: Settings) -> None:
         self.scene = scene
         self.settings = settings
+        color.rendering_space(scene.color_space)  # the picture's file has to name it
         started = perf_counter()
         self._core_scene = native.build_scene(scene, settings.embree_isa)
         self._render = native.plan_render(self._core_scene, settings)
@@ -149,20 +150,19 @@ def render(
     frame: float | None = None,
     width: int | None = None,
     height: int | None = None,
-    purposes: tuple[str, ...] = ("default", "render"),
+    purposes: Iterable[str] | None = None,
+    mask: Iterable[str] | None = None,
+    session_layer: str | os.PathLike[str] | None = None,
+    color_space: str = color.DEFAULT,
     strict: bool = False,
     progress: Callable[[Progress], None] | None = None,
     **settings: Any,
 ) -> Image:
     """Render a USD stage, or a scene description, and return the picture.
 
-    ``stage``: an open stage, the path of a file, or a :class:`usdmlt.scene.Scene`, which has its
-    camera and size already and takes none of the next five.
-    ``camera``: prim path or name; None: the render settings' camera, else ``main_cam``, else the
-    only camera, else one that frames everything.
-    ``frame``: time code; None: the stage's start. ``width``, ``height``: pixels; with one of them
-    the other follows from the camera's aspect. ``purposes``: what is rendered besides ``default``.
-    ``strict``: unsupported content raises instead of being warned about and left out.
+    ``stage``: an open stage, the path of a file, or a :class:`usdmlt.scene.Scene`, which takes
+    none of the options of reading: camera, frame, width, height, purposes, mask, session_layer,
+    color_space and strict are those of :func:`usdmlt.load`.
     ``progress``: called about ten times a second with a :class:`Progress`.
     ``settings``: the fields of :class:`usdmlt.Settings`: integrator, samples, time, depth, seed,
     threads, filter.
@@ -178,7 +178,7 @@ def render(
     check_resolution(width, height)
     if isinstance(stage, Scene):
         scene = stage
-        if camera is not None or frame is not None or width is not None or height is not None:
+        if any(option is not None for option in (camera, frame, width, height)):
             raise UsageError("a Scene has its own camera, frame and size: set them there")
     else:
         from usdmlt.stage import load
@@ -190,6 +190,9 @@ def render(
             width=width,
             height=height,
             purposes=purposes,
+            mask=mask,
+            session_layer=session_layer,
+            color_space=color_space,
             strict=strict,
         )
     rendering = Rendering(scene, resolved)

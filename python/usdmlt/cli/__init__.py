@@ -16,10 +16,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from usdmlt import __version__
-from usdmlt.cli import doctor, render
+from usdmlt.cli import doctor, inspect, render
 from usdmlt.cli.logs import configure_logging
 
-SUBCOMMANDS = (render, doctor)
+SUBCOMMANDS = (render, inspect, doctor)
 
 
 class Parser(argparse.ArgumentParser):
@@ -47,7 +47,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     from usdmlt.errors import Error, UsageError
 
     try:
-        return int(arguments.run(arguments))
+        status = int(arguments.run(arguments))
+        sys.stdout.flush()
+        return status
     except UsageError as error:
         return _complain(error, 2)
     except Error as error:

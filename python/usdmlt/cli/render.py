@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from usdmlt.cli.frames import check_placeholder, frame_path, parse_frames
 from usdmlt.cli.logs import add_verbosity
-from usdmlt.settings import FilterName, IntegratorName, Settings, check_resolution
+from usdmlt.cli.view import add_view_flags, load_options
+from usdmlt.settings import FilterName, IntegratorName, Settings
 
 if TYPE_CHECKING:
     from usdmlt.rendering import Rendering
@@ -29,20 +30,11 @@ def add_parser(subparsers: Any) -> None:
         description="Render STAGE to OUTPUT, an .exr (linear, half RGBA) or a .png (sRGB view).",
         allow_abbrev=False,
     )
-    parser.add_argument("stage", metavar="STAGE", help=".usd, .usda, .usdc or .usdz file")
+    view = add_view_flags(parser)
     parser.add_argument(
         "output",
         metavar="OUTPUT",
         help="image file; with --frames its name holds a placeholder: shot.####.exr",
-    )
-
-    view = parser.add_argument_group("what is rendered")
-    view.add_argument(
-        "--camera",
-        "-cam",
-        metavar="PRIM",
-        help="camera prim, path or name (default: that of the render settings, else main_cam, "
-        "else the only camera, else one that frames everything)",
     )
     view.add_argument(
         "--frames",
@@ -50,24 +42,6 @@ def add_parser(subparsers: Any) -> None:
         metavar="SPEC",
         help="time codes start[:end[xstride]], several separated by commas "
         "(default: the stage's start)",
-    )
-    size = view.add_mutually_exclusive_group()
-    size.add_argument(
-        "--imageWidth",
-        "-w",
-        metavar="N",
-        type=int,
-        help="width in pixels; the height follows from the camera "
-        "(default: the size in the render settings, else 960 wide)",
-    )
-    size.add_argument(
-        "--res", metavar=("W", "H"), nargs=2, type=int, help="width and height in pixels"
-    )
-    view.add_argument(
-        "--purposes",
-        metavar="P[,P]",
-        default="render",
-        help="purposes to render besides `default` (default: %(default)s)",
     )
     view.add_argument(
         "--strict", action="store_true", help="fail where unsupported content would be left out"
@@ -143,8 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
         threads=arguments.threads,
         filter=arguments.filter,
     )
-    width, height = arguments.res or (arguments.imageWidth, None)
-    check_resolution(width, height)
+    options = load_options(arguments)
     frames = None if arguments.frames is None else parse_frames(arguments.frames)
     image.check_extension(arguments.output)
     for path in _outputs(arguments):
@@ -153,7 +126,7 @@ def run(arguments: argparse.Namespace) -> int:
         files.check_writable(path)
     each: Sequence[float | None] = frames or [None]
     for frame in each:
-        status = _render_frame(arguments, settings, frame, (width, height))
+        status = _render_frame(arguments, settings, frame, options)
         if status:
             return status
     return 0
@@ -167,7 +140,7 @@ def _render_frame(
     arguments: argparse.Namespace,
     settings: Settings,
     frame: float | None,
-    size: tuple[int | None, int | None],
+    options: dict[str, Any],
 ) -> int:
     """Render and write one frame; 0, or 128 + the number of the signal that stopped it."""
     from usdmlt import files
@@ -176,15 +149,7 @@ def _render_frame(
     from usdmlt.rendering import Rendering
     from usdmlt.stage import load
 
-    scene = load(
-        arguments.stage,
-        camera=arguments.camera,
-        frame=frame,
-        width=size[0],
-        height=size[1],
-        purposes=("default", *arguments.purposes.split(",")),
-        strict=arguments.strict,
-    )
+    scene = load(arguments.stage, frame=frame, strict=arguments.strict, **options)
     rendering = Rendering(scene, settings)
     logger.info("%s", _description(arguments.stage, scene, settings))
     with Interruption(signal.SIGINT, signal.SIGTERM, always=True) as interruption:
