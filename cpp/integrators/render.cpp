@@ -52,6 +52,15 @@ struct ThreadState {
     explicit ThreadState(int depth) : bidirectional(depth), statistics(depth) {}
 };
 
+void render_unit(const Scene& scene, const Settings& settings, const Tiles& tiles, int64_t index,
+                 ThreadState& thread, Film& film) {
+    if (settings.integrator == IntegratorKind::path)
+        render_path_unit(scene, settings, tiles, index, thread.path, film, thread.statistics);
+    else
+        render_bidirectional_unit(scene, settings, tiles, index, thread.bidirectional, film,
+                                  thread.statistics);
+}
+
 }  // namespace
 
 Render::Render(std::shared_ptr<const Scene> scene, const Settings& settings)
@@ -69,20 +78,40 @@ int64_t Render::run(int64_t last, const RunLimits& limits) {
         auto& state = threads[static_cast<size_t>(thread)];
         if (!state) state = std::make_unique<ThreadState>(settings_.depth);
         const double cpu = thread_cpu_seconds();
-        UnitStatistics& unit = state->statistics;
-        unit.reset();
-        if (settings_.integrator == IntegratorKind::path)
-            render_path_unit(*scene_, settings_, tiles_, index, state->path, film_, unit);
-        else
-            render_bidirectional_unit(*scene_, settings_, tiles_, index, state->bidirectional,
-                                      film_, unit);
-        statistics_.add(unit, film_.scale());
+        state->statistics.reset();
+        render_unit(*scene_, settings_, tiles_, index, *state, film_);
+        statistics_.add(state->statistics, film_.scale());
         state->cpu_seconds += thread_cpu_seconds() - cpu;
     });
     for (const auto& state : threads)
         if (state) cpu_seconds_ += state->cpu_seconds;
     seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return done_;
+}
+
+RayRecorder Render::record_rays(size_t count) const {
+    const FlushDenormals flush;
+    ThreadState state(settings_.depth);
+    Film film(film_.width(), film_.height(), film_.scale(), film_.has_splats());
+    RayRecorder recorder;
+    state.statistics.rays.recorder = &recorder;
+    for (int64_t i = 0; i < units_total() && recorder.entries.size() < count; ++i)
+        render_unit(*scene_, settings_, tiles_, i, state, film);
+    if (recorder.entries.size() > count) recorder.entries.resize(count);
+    return recorder;
+}
+
+double replay_rays(const Scene& scene, const RayRecorder& rays) {
+    const FlushDenormals flush;
+    const double start = thread_cpu_seconds();
+    Hit hit;
+    for (const RayRecorder::Entry& entry : rays.entries) {
+        if (entry.shadow)
+            scene.acceleration->occluded(entry.ray);
+        else
+            scene.acceleration->intersect(entry.ray, hit);
+    }
+    return thread_cpu_seconds() - start;
 }
 
 }  // namespace usdmlt

@@ -28,6 +28,9 @@ public:
     // Renders units units_done … last − 1, or fewer where a limit stops them. Returns units_done.
     int64_t run(int64_t last, const RunLimits& limits);
 
+    // The first `count` rays of the render, in order; leaves the render as it is.
+    RayRecorder record_rays(size_t count) const;
+
 private:
     std::shared_ptr<const Scene> scene_;
     Settings settings_;
@@ -37,5 +40,8 @@ private:
     int64_t done_ = 0;
     double seconds_ = 0, cpu_seconds_ = 0;
 };
+
+// Seconds of processor time that the acceleration structure alone takes for the rays.
+double replay_rays(const Scene& scene, const RayRecorder& rays);
 
 }  // namespace usdmlt

@@ -21,7 +21,7 @@ struct UnitStatistics {
 
     explicit UnitStatistics(int depth) : energy(static_cast<size_t>(depth) + 1, 0.0) {}
     void reset() {
-        rays = {};
+        rays.closest = rays.shadow = 0;
         samples = non_finite = 0;
         std::fill(energy.begin(), energy.end(), 0.0);
     }

@@ -6,7 +6,7 @@ namespace {
 // Position, geometric normal and rounding error of a hit on a mesh.
 // |error| ≤ γ Σ bᵢ|vᵢ| for the interpolation (Pharr, Jakob & Humphreys 2016, §3.9); the factor also
 // covers the traversal's own rounding.
-struct MeshPoint {
+struct HitPoint {
     Vec3f position, normal;  // normal: unit
     float error;
     bool mirrored;  // the instance's transform flips handedness
@@ -18,11 +18,11 @@ Vec3f abs(Vec3f v) { return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}; }
 
 float max_component(Vec3f v) { return std::max({v.x, v.y, v.z}); }
 
-MeshPoint position_on_mesh(const Scene& scene, const Hit& hit) {
+HitPoint position_on_mesh(const Scene& scene, const Hit& hit) {
     const Mesh& mesh = scene.meshes[hit.mesh];
     const Triangle& t = mesh.triangles[hit.primitive];
     Vec3f p0 = mesh.positions[t.v[0]], p1 = mesh.positions[t.v[1]], p2 = mesh.positions[t.v[2]];
-    MeshPoint out;
+    HitPoint out;
     out.mirrored = false;
     float extra = 0;
     if (hit.instance != invalid_index) {
@@ -92,7 +92,7 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
     }
     const Mesh& mesh = scene.meshes[hit.mesh];
     const Triangle& t = mesh.triangles[hit.primitive];
-    const MeshPoint p = position_on_mesh(scene, hit);
+    const HitPoint p = position_on_mesh(scene, hit);
     v.position = p.position;
     v.normal = p.normal;
     v.position_error = p.error;
@@ -156,7 +156,7 @@ bool trace(const Scene& scene, Ray ray, RandomStream& random, RayCounters& count
     transmittance_out = 1;
     opacity_out = 1;
     for (;;) {
-        ++counters.closest;
+        counters.count_closest(ray);
         if (!scene.acceleration->intersect(ray, hit)) return false;
         if (scene.all_opaque || hit.mesh == invalid_index) return true;
         const Mesh& mesh = scene.meshes[hit.mesh];
@@ -168,7 +168,7 @@ bool trace(const Scene& scene, Ray ray, RandomStream& random, RayCounters& count
             return true;
         }
         transmittance_out *= 1 - alpha;
-        const MeshPoint p = position_on_mesh(scene, hit);
+        const HitPoint p = position_on_mesh(scene, hit);
         const float side = dot(p.normal, ray.direction) < 0 ? -p.error : p.error;
         ray.origin = p.position + p.normal * side;
         ray.tnear = 0;
@@ -178,13 +178,13 @@ bool trace(const Scene& scene, Ray ray, RandomStream& random, RayCounters& count
 
 float transmittance(const Scene& scene, Ray ray, RayCounters& counters) {
     if (scene.all_opaque) {
-        ++counters.shadow;
+        counters.count_shadow(ray);
         return scene.acceleration->occluded(ray) ? 0.0f : 1.0f;
     }
     float product = 1;
     Hit hit;
     for (;;) {
-        ++counters.shadow;
+        counters.count_shadow(ray);
         if (!scene.acceleration->intersect(ray, hit)) return product;
         if (hit.mesh == invalid_index) return 0;
         const Mesh& mesh = scene.meshes[hit.mesh];
@@ -192,7 +192,7 @@ float transmittance(const Scene& scene, Ray ray, RayCounters& counters) {
         if (is_opaque(scene.materials, material)) return 0;
         product *= 1 - opacity(scene.materials, material, mesh, hit.primitive, hit.u, hit.v);
         if (!(product > 0)) return 0;
-        const MeshPoint p = position_on_mesh(scene, hit);
+        const HitPoint p = position_on_mesh(scene, hit);
         const float side = dot(p.normal, ray.direction) < 0 ? -p.error : p.error;
         const Vec3f origin = p.position + p.normal * side;
         // Keeps the end of the segment where it was.

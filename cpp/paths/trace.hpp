@@ -10,9 +10,28 @@
 
 namespace usdmlt {
 
+// Rays as they were asked for, to be replayed by the acceleration structure alone.
+struct RayRecorder {
+    struct Entry {
+        Ray ray;
+        bool shadow;
+    };
+    std::vector<Entry> entries;
+};
+
 // Per-thread counters; rays are counted by kind.
 struct RayCounters {
     uint64_t closest = 0, shadow = 0;
+    RayRecorder* recorder = nullptr;
+
+    void count_closest(const Ray& ray) {
+        ++closest;
+        if (recorder) recorder->entries.push_back({ray, false});
+    }
+    void count_shadow(const Ray& ray) {
+        ++shadow;
+        if (recorder) recorder->entries.push_back({ray, true});
+    }
 };
 
 inline constexpr float infinite_distance = 1e30f;

@@ -115,7 +115,17 @@ void bind_render(py::module_& module) {
              "called ten times a second; true, a signal or an exception stops handing out units, "
              "and those that were started are finished.")
         .def("image", &image, "Linear premultiplied RGBA, (height, width, 4) float32.")
-        .def("stats", &stats);
+        .def("stats", &stats)
+        .def(
+            "replay_rays_per_cpu_second",
+            [](const Render& render, size_t count) {
+                const py::gil_scoped_release release;
+                const RayRecorder rays = render.record_rays(count);
+                const double seconds = replay_rays(render.scene(), rays);
+                return seconds > 0 ? double(rays.entries.size()) / seconds : 0;
+            },
+            py::arg("count") = 1000000,
+            "Rays per CPU-second of Embree alone, replaying the render's first rays.");
 }
 
 }  // namespace usdmlt

@@ -243,7 +243,7 @@ std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& e
 }
 
 // Closest hits for tests and layers: distance (inf: none), mesh, triangle, instance, normal.
-py::dict intersect(const Scene& scene, const Doubles& origins, const Doubles& directions) {
+py::dict closest_hits(const Scene& scene, const Doubles& origins, const Doubles& directions) {
     const py::ssize_t n = origins.shape(0);
     py::array_t<float> distance(n), normal({n, py::ssize_t(3)});
     py::array_t<int64_t> mesh(n), triangle(n), instance(n);
@@ -294,7 +294,7 @@ void bind_scene(py::module_& module) {
         .def_property_readonly("width", [](const Scene& s) { return s.camera.width; })
         .def_property_readonly("height", [](const Scene& s) { return s.camera.height; })
         .def_property_readonly("has_lights", [](const Scene& s) { return !s.lights.empty(); })
-        .def("intersect", &intersect, py::arg("origins"), py::arg("directions"),
+        .def("intersect", &closest_hits, py::arg("origins"), py::arg("directions"),
              "Closest hits of rays, (n, 3) arrays in world space: a dict of arrays.");
 }
 
