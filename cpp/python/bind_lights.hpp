@@ -13,6 +13,10 @@ namespace usdmlt {
 Lights lights_from_python(const pybind11::list& lights, Vec3d center,
                           const std::vector<Texture>& textures);
 
+// The `transform` of a scene.py object, a row-vector 4×4 matrix local to world, relative to
+// `center`: recentred before it becomes float.
+Affine3f recentred_transform(const pybind11::handle& object, Vec3d center);
+
 void bind_lights(pybind11::module_& module);
 
 }  // namespace usdmlt
