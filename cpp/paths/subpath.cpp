@@ -31,6 +31,8 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
         v.pdf_reverse = 0;
         v.strategy_sum = 0;
         ++path.count;
+        if (role == Known::light && path.count == 2)
+            path.pdf_direct = pdf_direct(scene.lights, previous.light, v.position);
         if (path.count == max_vertices || v.infinite || v.closure.lobe_count == 0) return;
 
         const Vec3f known = -ray.direction;
@@ -52,7 +54,6 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
         if (role == Known::light) {
             // x0 is sampled differently when it is joined to x1 (next-event estimation).
             if (n == 1) {
-                path.pdf_direct = pdf_direct(scene.lights, previous.light, v.position);
                 ratio = squared_ratio(previous.pdf_reverse, path.pdf_direct);
             } else if (n == 2) {
                 ratio *= squared_ratio(path.pdf_direct, path.pdf_point);
