@@ -1,0 +1,84 @@
+"""`usdmlt inspect STAGE`: what would be rendered, and what would not."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from usdmlt.cli.logs import add_verbosity
+from usdmlt.cli.view import add_view_flags, load_options
+
+if TYPE_CHECKING:
+    from usdmlt.stage import Inspection
+
+NAMES_SHOWN = 5
+
+
+def add_parser(subparsers: Any) -> None:
+    """Declare the subcommand and its flags."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "inspect",
+        help="say what of a stage would be rendered",
+        description="Read STAGE as `render` would, and print what is in it and, with prim paths, "
+        "what would not be rendered as authored.",
+        allow_abbrev=False,
+    )
+    view = add_view_flags(parser)
+    view.add_argument("--frame", metavar="TIME", type=float, help="time code (default: the start)")
+    add_verbosity(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the inspection; 0."""
+    options = load_options(arguments)
+    from usdmlt.stage import inspect
+
+    inspection = inspect(arguments.stage, frame=arguments.frame, **options)
+    for line in lines(inspection, everything=arguments.verbosity > 0):
+        print(line)
+    return 0
+
+
+def lines(content: Inspection, everything: bool = False) -> Iterator[str]:
+    """The inspection as text. ``everything``: all names and prim paths, however many."""
+    frame = "default time" if content.frame is None else f"frame {content.frame:g}"
+    yield f"stage      {content.stage}, {frame}"
+    yield f"           {content.up_axis} up, 1 unit = {content.meters_per_unit:g} m"
+    yield f"camera     {content.camera or '(automatic)'}: {content.camera_reason}"
+    yield f"picture    {content.width}x{content.height}, purposes {', '.join(content.purposes)}"
+    yield f"geometry   {content.meshes:,} meshes, {content.triangles:,} triangles"
+    if content.instances:
+        yield (
+            f"instances  {content.instances:,} of {content.prototypes:,} prototypes: "
+            f"{content.triangles_instanced:,} triangles in all"
+        )
+    limit = None if everything else NAMES_SHOWN
+    yield from _listed("materials", content.materials, limit)
+    families = Counter(family for family, _ in content.lights)
+    summary = ", ".join(f"{count} {family}" for family, count in families.items())
+    yield f"lights     {summary or 'none'}"
+    if everything:
+        yield from (f"           {name}" for _, name in content.lights)
+    names = [f"{name} {width}x{height}" for name, width, height in content.textures]
+    yield from _listed("textures", names, limit)
+    if content.texture_bytes:
+        yield f"           {content.texture_bytes / 2**20:,.1f} MiB"
+    for warning in content.warnings:
+        yield f"warning    {warning.kind}"
+        yield from _indented(warning.paths, limit)
+    if not content.warnings:
+        yield "warnings   none: all of it is rendered"
+
+
+def _listed(title: str, names: list[str], limit: int | None) -> Iterator[str]:
+    yield f"{title:<11}{len(names):,}"
+    yield from _indented(names, limit)
+
+
+def _indented(names: list[str], limit: int | None) -> Iterator[str]:
+    yield from (f"           {name}" for name in names[:limit])
+    if limit is not None and len(names) > limit:
+        yield f"           … {len(names) - limit:,} more (-v lists them)"
