@@ -229,7 +229,8 @@ def flatten(
     lights: list[Light] = []
     for group, pieces in placements.values():
         transforms = np.concatenate(pieces)
-        lights += [moved(light, t) for t in transforms for light in group.scene_lights]
+        for light in group.scene_lights:
+            lights += [moved(light, transform) for transform in transforms]
         if len(transforms) == 1:
             for mesh in group.scene_meshes:
                 mesh.transform = mesh.transform @ transforms[0]

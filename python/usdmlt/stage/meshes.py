@@ -10,13 +10,13 @@ from pxr import Usd, UsdGeom
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Mesh
 from usdmlt.stage.normals import (
-    area_vectors,
     authored_normals,
     normals_at_corners,
     smooth_normals,
 )
 from usdmlt.stage.primvars import Topology
 from usdmlt.stage.triangulation import triangulate
+from usdmlt.stage.vectors import cross, dot
 
 # A triangle is degenerate where its height is below this fraction of its longest edge.
 DEGENERATE = 1e-12
@@ -74,15 +74,11 @@ def read_topology(mesh: UsdGeom.Mesh, polygons: Polygons, time: Usd.TimeCode) ->
 
 def without_degenerate(topology: Topology, points: np.ndarray) -> Topology:
     """The topology without triangles of no area."""
-    if not len(topology.vertices):
-        return topology
-    doubled_area = np.linalg.norm(area_vectors(points, topology.vertices), axis=1)
-    corners = [points[topology.vertices[:, i]].astype(np.float64) for i in range(3)]
-    longest = np.zeros(len(doubled_area))
-    for i in range(3):
-        edge = corners[i] - corners[i - 1]
-        np.maximum(longest, np.einsum("ij,ij->i", edge, edge), out=longest)
-    keep = doubled_area > DEGENERATE * longest
+    a, b, c = (points[topology.vertices[:, i]].astype(np.float64) for i in range(3))
+    u, v, w = b - a, c - a, c - b
+    normal = cross(u, v)
+    longest = np.maximum(np.maximum(dot(u, u), dot(v, v)), dot(w, w))
+    keep = dot(normal, normal) > (DEGENERATE * longest) ** 2
     return topology if keep.all() else topology.subset(keep)
 
 

@@ -8,6 +8,7 @@ from pxr import Usd, UsdGeom
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Primvar
 from usdmlt.stage.primvars import Topology, at_corners
+from usdmlt.stage.vectors import cross
 
 
 def authored_normals(
@@ -83,7 +84,7 @@ def face_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def area_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(m, 3) float64: normals of triangles, as long as twice their area."""
     a, b, c = (points[triangles[:, i]].astype(np.float64) for i in range(3))
-    return np.cross(b - a, c - a)
+    return cross(b - a, c - a)
 
 
 def smooth_normals(points: np.ndarray, triangles: np.ndarray) -> Primvar:

@@ -88,7 +88,8 @@ def _reason(error: Tf.ErrorException) -> str:
         return f"a crate file of the obsolete version {obsolete[1]}; {OBSOLETE}"
     if "Cannot determine file format" in messages[-1]:
         return _NOT_USD
-    return f"not readable as USD: {messages[-1]}"
+    where = re.sub(r"^.*?:(\d+):\d+: ", r"line \1: ", messages[-1])
+    return f"not readable as USD: {re.sub(r'pxrInternal[^ ]*::', '', where)}"
 
 
 @contextmanager

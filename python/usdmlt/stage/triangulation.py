@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from usdmlt.stage.vectors import cross, dot
+
 BLOCK = 1 << 18  # polygons tested at a time, to bound temporary memory
 
 
@@ -36,8 +38,10 @@ def triangulate(
         return np.empty((0, 3), np.int32), np.empty(0, np.int32)
     corners = np.concatenate(all_corners).astype(np.int32)
     faces = np.concatenate(all_faces).astype(np.int32)
-    order = np.argsort(faces, kind="stable")
-    return corners[order], faces[order]
+    if len(all_faces) > 1:
+        order = np.argsort(faces, kind="stable")
+        corners, faces = corners[order], faces[order]
+    return corners, faces
 
 
 def _split(
@@ -68,17 +72,20 @@ def _split(
 
 def reflex_corners(polygons: np.ndarray) -> np.ndarray:
     """(polygons, sides) bool: corners that turn against the polygon's Newell normal."""
-    edges = np.roll(polygons, -1, axis=1) - polygons
+    sides = polygons.shape[1]
+    following, previous = np.arange(1, sides + 1) % sides, np.arange(-1, sides - 1) % sides
+    edges = polygons[:, following] - polygons
     normals = newell_normals(polygons)
-    turns = np.einsum("psk,pk->ps", np.cross(np.roll(edges, 1, axis=1), edges), normals)
-    tolerance = 1e-9 * np.einsum("pk,pk->p", normals, normals)
-    return turns < -tolerance[:, None]
+    turns = dot(cross(edges[:, previous], edges), normals[:, None])
+    return turns < -1e-9 * dot(normals, normals)[:, None]
 
 
 def newell_normals(polygons: np.ndarray) -> np.ndarray:
     """(polygons, 3): twice the vector area, from (polygons, sides, 3) points (Newell's method)."""
+    if polygons.shape[1] == 4:  # the cross product of the diagonals
+        return cross(polygons[:, 2] - polygons[:, 0], polygons[:, 3] - polygons[:, 1])
     relative = polygons - polygons[:, :1]
-    return np.cross(relative[:, :-1], relative[:, 1:]).sum(axis=1)
+    return cross(relative[:, :-1], relative[:, 1:]).sum(axis=1)
 
 
 def clip_ears(polygon: np.ndarray) -> np.ndarray:
@@ -103,22 +110,27 @@ def clip_ears(polygon: np.ndarray) -> np.ndarray:
 
 
 def _find_ear(flat: np.ndarray, left: list[int]) -> int:
-    """A convex corner whose triangle holds no other corner, or else the most convex one."""
+    """A convex corner whose triangle holds no other corner, or else the most convex one.
+
+    Only reflex corners can be inside an ear. Ears that none so much as touches come first.
+    """
     ring = flat[left]
     before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
     turns = _cross(ring - before, after - ring)
-    for ear in np.flatnonzero(turns > 0):
-        a, b, c = before[ear], ring[ear], after[ear]
-        inside = (
-            (_cross(b - a, ring - a) >= 0)
-            & (_cross(c - b, ring - b) >= 0)
-            & (_cross(a - c, ring - c) >= 0)
-        )
-        # Corners at the same place as the ear's own do not spoil it: keyholes repeat points.
-        inside &= ~((ring == a) | (ring == b) | (ring == c)).all(axis=1)
-        inside &= turns <= 0
-        if not inside.any():
-            return int(ear)
+    reflex = ring[turns <= 0]
+    for tolerance in (0.0, 1e-12 * np.abs(turns).max()):
+        for ear in np.flatnonzero(turns > 0):
+            corners = (before[ear], ring[ear], after[ear])
+            depth = np.full(len(reflex), np.inf)
+            for i in range(3):
+                edge = corners[i] - corners[i - 1]
+                depth = np.minimum(depth, _cross(edge, reflex - corners[i - 1]))
+            touches = depth >= 0 if tolerance == 0 else depth > tolerance
+            # Corners at the same place as the ear's own do not spoil it: bridges repeat points.
+            for corner in corners:
+                touches &= (reflex != corner).any(axis=1)
+            if not touches.any():
+                return int(ear)
     return int(np.argmax(turns))
 
 
