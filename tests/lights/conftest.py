@@ -81,6 +81,41 @@ class Surface:
         return np.histogram2d(a, b, bins=cells, range=((0, 1), (0, 1)))[0]
 
 
+@dataclass
+class DirectionGrid:
+    """Cells of equal θ and φ about ``axis``, for distributions of directions.
+
+    With 10-degree steps in θ, cones of such angles end at borders of cells.
+    """
+
+    axis: np.ndarray
+    cells: tuple[int, int] = (36, 12)
+
+    def frame(self):
+        z = np.asarray(self.axis, float) / np.linalg.norm(self.axis)
+        x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+        x /= np.linalg.norm(x)
+        return np.stack([x, np.cross(z, x), z])
+
+    def masses(self, density, order=12):
+        """∫ density dω over each cell by midpoints; ``density(directions)`` is per solid angle."""
+        theta = np.pi * (np.arange(self.cells[0] * order) + 0.5) / (self.cells[0] * order)
+        phi = 2 * np.pi * (np.arange(self.cells[1] * order) + 0.5) / (self.cells[1] * order)
+        tt, pp = (g.ravel() for g in np.meshgrid(theta, phi, indexing="ij"))
+        local = np.stack([np.sin(tt) * np.cos(pp), np.sin(tt) * np.sin(pp), np.cos(tt)], 1)
+        # ∫ sinθ dθ over each row of midpoints, exactly.
+        edges = np.cos(np.linspace(0, np.pi, self.cells[0] * order + 1))
+        solid_angle = np.repeat(edges[:-1] - edges[1:], len(phi)) * 2 * np.pi / len(phi)
+        values = density((local @ self.frame()).astype(np.float32)) * solid_angle
+        return values.reshape(self.cells[0], order, self.cells[1], order).sum((1, 3))
+
+    def counts(self, directions):
+        x, y, z = self.frame() @ np.asarray(directions, float).T
+        theta, phi = np.arctan2(np.hypot(x, y), z), np.arctan2(y, x) % (2 * np.pi)
+        ranges = ((0, np.pi), (0, 2 * np.pi))
+        return np.histogram2d(theta, phi, bins=self.cells, range=ranges)[0]
+
+
 def _circle(b):
     return np.cos(2 * np.pi * b), np.sin(2 * np.pi * b)
 
@@ -193,6 +228,11 @@ def placed():
 
 
 @pytest.fixture(scope="session")
+def direction_grid():
+    return DirectionGrid
+
+
+@pytest.fixture(scope="session")
 def probe():
     """``probe(*lights, ...)``: a LightsProbe of lights or surfaces."""
 
@@ -212,24 +252,24 @@ def uniform():
 
 @pytest.fixture(scope="session")
 def assert_distributed_as():
-    """``(counts, masses, drawn)``: χ² test of a histogram of ``drawn`` samples.
+    """``(counts, masses, drawn)``: the histogram of ``drawn`` samples has these probabilities.
 
-    ``masses`` are the probabilities of the cells; what they lack to 1 is the probability of no
-    sample. Cells that expect fewer than ten samples are pooled. It could miss errors confined to
-    regions much smaller than a cell.
+    What the masses, which are integrals good to ``accuracy``, lack to 1 is the probability of no
+    sample. Their sum is compared first, then the distribution over the cells by a χ² test; cells
+    that expect fewer than ten samples are pooled. It could miss errors confined to regions much
+    smaller than a cell.
     """
 
-    def check(counts, masses, drawn):
-        counts, expected = np.ravel(counts), np.ravel(masses) * drawn
-        rest = drawn - expected.sum()
-        assert rest > -1e-3 * drawn, "the density integrates to more than 1"
-        counts = np.append(counts, drawn - counts.sum())
-        expected = np.append(expected, max(rest, 0))
+    def check(counts, masses, drawn, accuracy=2e-3):
+        counts, masses = np.ravel(counts), np.ravel(masses)
+        found = counts.sum() / drawn
+        error = np.sqrt(found * (1 - found) / drawn)
+        assert masses.sum() == pytest.approx(found, abs=accuracy + 4 * error)
+        expected = masses * counts.sum() / masses.sum()
         small = expected < 10
-        pooled_counts = np.append(counts[~small], counts[small].sum())
-        pooled = np.append(expected[~small], expected[small].sum())
-        assert pooled_counts[-1] <= stats.poisson.isf(SIGNIFICANCE, pooled[-1] + 1e-3 * drawn)
-        counts, expected = pooled_counts[:-1], pooled[:-1]
+        rare, rarely = counts[small].sum(), expected[small].sum()
+        assert rare <= stats.poisson.isf(SIGNIFICANCE, rarely + 1e-4 * drawn)
+        counts, expected = counts[~small], expected[~small]
         statistic = ((counts - expected) ** 2 / expected).sum()
         p = stats.chi2.sf(statistic, max(len(expected) - 1, 1))
         assert p > SIGNIFICANCE, f"χ² = {statistic:.1f} for {len(expected)} cells, p = {p:.2g}"
@@ -239,7 +279,7 @@ def assert_distributed_as():
 
 @pytest.fixture(scope="session")
 def assert_mean():
-    """``(samples, expected)``: the mean is within four standard errors; ``samples`` (n,) or (n, k)."""
+    """``(samples, expected)``: means over the first axis, within four standard errors."""
 
     def check(samples, expected):
         samples = np.asarray(samples, np.float64)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-SAMPLES = 200_000
+SAMPLES = 100_000
 
 
 def test_points_are_distributed_as_their_density(surface, probe, uniform, assert_distributed_as):

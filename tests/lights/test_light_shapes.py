@@ -32,7 +32,9 @@ def test_a_ray_towards_a_sampled_point_hits_it(surface, distance, probe, uniform
     tolerance = 2e-6 * (1 + distance)
     hit = lights.shape_point(0, uv)["position"]
     assert np.abs(hit - points["position"]).max() < 10 * tolerance
-    assert t == pytest.approx(np.linalg.norm(points["position"] - origin, axis=1), abs=10 * tolerance)
+    assert t == pytest.approx(
+        np.linalg.norm(points["position"] - origin, axis=1), abs=10 * tolerance
+    )
 
 
 @pytest.mark.parametrize("distance", [0.5, 1e4])
@@ -103,7 +105,7 @@ def test_positions_are_relative_to_the_center(family, placed, probe, uniform):
     far = np.array([1e7, -2e7, 3e7])
     u = uniform(100)
     here, _ = probe(family(placed((0.3, 0.1, 0.2)))).sample_point(u)
-    there, _ = probe(
-        family(placed((0.3, 0.1, 0.2), position=far)), center=tuple(far)
-    ).sample_point(u)
+    there, _ = probe(family(placed((0.3, 0.1, 0.2), position=far)), center=tuple(far)).sample_point(
+        u
+    )
     assert np.array_equal(here["position"], there["position"])
