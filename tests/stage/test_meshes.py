@@ -10,7 +10,8 @@ from usdmlt.scene import Mesh, Primvar
 # A cube with outward faces.
 CUBE = """
     int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
-    int[] faceVertexIndices = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5]
+    int[] faceVertexIndices = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4,
+                               2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5]
     point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0),
                         (0, 0, 1), (1, 0, 1), (0, 1, 1), (1, 1, 1)]
 """

@@ -18,7 +18,14 @@ from usdmlt.scene import (
     UniformEmission,
 )
 from usdmlt.stage.materialx import read_surface
-from usdmlt.stage.networks import Networks, Unusable, is_zero, node_id
+from usdmlt.stage.networks import (
+    Networks,
+    Unusable,
+    follow_no_circle,
+    is_zero,
+    node_id,
+    undeclared_output,
+)
 from usdmlt.stage.preview_surface import read_preview_surface
 
 # The surface nodes that are rendered. The MaterialX context comes first where it is one of them.
@@ -79,11 +86,12 @@ class Materials:
         for output in material.GetVolumeOutputs():
             if output.HasConnectedSource():
                 self.report.warn("volume materials are not rendered", path)
+        outputs = [material.GetSurfaceOutput(context) for context in CONTEXTS]
+        outputs = [o for o in outputs if o and o.GetAttr().HasAuthoredConnections()]
         unusable = []
-        for context in CONTEXTS:
-            output = material.GetSurfaceOutput(context)
-            if not output or not output.GetAttr().HasAuthoredConnections():
-                continue
+        for output in outputs:
+            # A graph with nodes that are not known is left for the next context, if there is one.
+            self.networks.refuse_unknown = output is not outputs[-1]
             try:
                 shader = self._surface(output)
                 read = SURFACES[node_id(shader)](self.networks, shader)
@@ -100,11 +108,16 @@ class Materials:
 
     def _surface(self, output: UsdShade.Output) -> UsdShade.Shader:
         """The shader behind a surface output, through node graphs."""
-        path = output.GetAttr().GetPath()
+        attribute = output.GetAttr()
+        follow_no_circle(attribute)
         sources = UsdShade.Utils.GetValueProducingAttributes(output, shaderOutputsOnly=True)
-        if not sources:
-            raise Unusable("materials whose surface is connected to nothing", path)
-        shader = UsdShade.Shader(sources[0].GetPrim())
+        undeclared = undeclared_output(attribute)
+        if sources:
+            shader = UsdShade.Shader(sources[0].GetPrim())
+        elif undeclared is not None:
+            shader = undeclared.shader
+        else:
+            raise Unusable("materials whose surface is connected to nothing", attribute.GetPath())
         node = node_id(shader)
         if node not in SURFACES:
             raise Unusable(

@@ -54,6 +54,7 @@ class Networks:
     colors: ColorSpaces
     textures: Textures
     report: Report
+    refuse_unknown: bool = False  # nodes that are not known make the whole material unusable
     _active: list[Sdf.Path] = field(default_factory=list)
 
     def source(self, shader: UsdShade.Shader, name: str) -> Source | None:
@@ -72,7 +73,11 @@ class Networks:
             output, kind = UsdShade.Utils.GetBaseNameAndType(attribute.GetName())
             if kind == UsdShade.AttributeType.Output:
                 return Source(attribute, UsdShade.Shader(attribute.GetPrim()), output)
-            return Source(attribute)
+            if attribute != own:  # an input of a node graph or a material
+                return Source(attribute)
+        undeclared = undeclared_output(own)
+        if undeclared is not None:
+            return undeclared
         # A source that exists but has no value means its default.
         stage = own.GetStage()
         if not any(stage.GetAttributeAtPath(path) for path in own.GetConnections()):
@@ -100,8 +105,10 @@ class Networks:
             raise Unusable("shading networks go round in a circle", path)
         reader = NODES.get(source.node)
         if reader is None:
-            kind_of_node = source.node or "(no identifier)"
-            self.report.warn(f"shader nodes of type {kind_of_node} are not rendered", path)
+            reason = f"shader nodes of type {source.node or '(no identifier)'} are not rendered"
+            if self.refuse_unknown:
+                raise Unusable(reason, path)
+            self.report.warn(reason, path)
             return default
         self._active.append(path)
         try:
@@ -147,6 +154,19 @@ class Networks:
 def node_id(shader: UsdShade.Shader) -> str:
     """The identifier of a shader node; "" if it is implemented by an asset or by source code."""
     return str(shader.GetIdAttr().Get() or "") if shader else ""
+
+
+def undeclared_output(attribute: Usd.Attribute) -> Source | None:
+    """The shader an attribute is connected to by an output that the shader does not declare.
+
+    Strictly such a connection leads nowhere; hand-written files have it, and its meaning is clear.
+    """
+    for path in attribute.GetConnections():
+        prim = attribute.GetStage().GetPrimAtPath(path.GetPrimPath())
+        output, kind = UsdShade.Utils.GetBaseNameAndType(path.name)
+        if kind == UsdShade.AttributeType.Output and prim and prim.IsA(UsdShade.Shader):
+            return Source(attribute, UsdShade.Shader(prim), output)
+    return None
 
 
 def follow_no_circle(attribute: Usd.Attribute) -> None:

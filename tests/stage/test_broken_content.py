@@ -1,0 +1,106 @@
+"""Broken geometry: one line with the prim path, and nothing read."""
+
+from __future__ import annotations
+
+import pytest
+
+from usdmlt.errors import Error
+
+MESH = """def Xform "x" {{ def Mesh "m" {{
+    int[] faceVertexCounts = {counts}
+    int[] faceVertexIndices = {indices}
+    point3f[] points = {points}
+    uniform token subdivisionScheme = "none"
+    {extra}
+}} }}"""
+GOOD = {
+    "counts": "[3]",
+    "indices": "[0, 1, 2]",
+    "points": "[(0, 0, 0), (1, 0, 0), (0, 1, 0)]",
+    "extra": "",
+}
+SUBSET = """def GeomSubset "s" (prepend apiSchemas = ["MaterialBindingAPI"]) {
+    uniform token elementType = "face"
+    uniform token familyName = "materialBind"
+    int[] indices = [0, 7]
+}"""
+BROKEN = [
+    ({"points": "[(0, 0, 0), (nan, 0, 0), (0, 1, 0)]"}, "/x/m: point 1 is not finite"),
+    ({"points": "[(0, 0, 0), (1, 0, 0), (0, inf, 0)]"}, "/x/m: point 2 is not finite"),
+    ({"indices": "[0, 1, 3]"}, "/x/m: faceVertexIndices has 3, out of range for 3 points"),
+    ({"indices": "[0, -1, 2]"}, "/x/m: faceVertexIndices has -1"),
+    ({"counts": "[4]"}, "/x/m: faceVertexCounts add up to 4, but there are 3"),
+    ({"counts": "[4, -1]"}, "/x/m: faceVertexCounts has a negative count"),
+    ({"extra": "int[] holeIndices = [1]"}, "/x/m: holeIndices out of range"),
+    ({"extra": SUBSET}, "/x/m/s: indices out of range"),
+    (
+        {
+            "extra": """color3f[] primvars:displayColor = [(1, 0, 0)] ( interpolation = "vertex" )
+            int[] primvars:displayColor:indices = [0, 1, 0]"""
+        },
+        r"/x/m\.primvars:displayColor: primvar indices out of range",
+    ),
+    (
+        {
+            "extra": """normal3f[] primvars:normals = [(1, 0, 0)] ( interpolation = "vertex" )
+            int[] primvars:normals:indices = [0, -1, 0]"""
+        },
+        r"/x/m\.primvars:normals: normal indices out of range",
+    ),
+    (
+        {
+            "extra": """color3f[] primvars:displayColor = [(nan, 0, 0)] (
+                interpolation = "constant" )"""
+        },
+        r"/x/m\.primvars:displayColor: values are not finite",
+    ),
+    (
+        {
+            "extra": """float3 xformOp:scale = (1, 0, 1)
+            uniform token[] xformOpOrder = ["xformOp:scale"]"""
+        },
+        "/x/m: the transform is singular",
+    ),
+    (
+        {
+            "extra": """double3 xformOp:translate = (nan, 0, 1)
+            uniform token[] xformOpOrder = ["xformOp:translate"]"""
+        },
+        "/x/m: the transform is singular",
+    ),
+]
+
+
+def test_the_good_mesh_is_read(only_mesh):
+    assert len(only_mesh(MESH.format(**GOOD)).triangles) == 1
+
+
+@pytest.mark.parametrize(("change", "says"), BROKEN)
+def test_broken_meshes_name_their_path(read, change, says):
+    with pytest.raises(Error, match=says) as raised:
+        read(MESH.format(**{**GOOD, **change}))
+    assert "\n" not in str(raised.value)
+
+
+def test_very_small_and_very_large_scales_are_not_singular(read):
+    body = MESH.format(
+        **{
+            **GOOD,
+            "extra": """float3 xformOp:scale = (1e-6, 1e-6, 1e6)
+            uniform token[] xformOpOrder = ["xformOp:scale"]""",
+        }
+    )
+    assert len(read(body).meshes) == 1
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        'def Sphere "s" { double radius = -1 }',
+        'def Cube "s" { double size = -1 }',
+        'def Cone "s" { double height = nan }',
+    ],
+)
+def test_shapes_of_negative_size_name_their_path(read, body):
+    with pytest.raises(Error, match=r"/s: .* must be a positive length"):
+        read(body)

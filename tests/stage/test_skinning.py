@@ -1,0 +1,102 @@
+"""UsdSkel: the same points that USD bakes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom, UsdSkel
+
+from usdmlt.stage import load
+
+# Two joints; the quad's right edge follows the second, half of it by half.
+SKINNED = """
+def SkelRoot "root" {
+    double3 xformOp:translate = (0, 0, 5)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    def Skeleton "skeleton" (prepend apiSchemas = ["SkelBindingAPI"]) {
+        uniform token[] joints = ["a", "a/b"]
+        uniform matrix4d[] bindTransforms = [
+            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
+            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (1, 0, 0, 1))]
+        uniform matrix4d[] restTransforms = [
+            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
+            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (1, 0, 0, 1))]
+        rel skel:animationSource = </root/skeleton/move>
+        double3 xformOp:translate = (0, 3, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        def SkelAnimation "move" {
+            uniform token[] joints = ["a", "a/b"]
+            float3[] translations = [(0, 0, 0), (1, 0, 0)]
+            quatf[] rotations.timeSamples = {
+                1: [(1, 0, 0, 0), (1, 0, 0, 0)],
+                3: [(1, 0, 0, 0), (0.8, 0, 0.6, 0)],
+            }
+            half3[] scales = [(1, 1, 1), (1, 2, 1)]
+            uniform token[] blendShapes = ["bulge"]
+            float[] blendShapeWeights = [0.5]
+        }
+    }
+    def Mesh "mesh" (prepend apiSchemas = ["SkelBindingAPI"]) { QUAD
+        normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0.6, 0, 0.8), (0, 0, 1)]
+        rel skel:skeleton = </root/skeleton>
+        matrix4d primvars:skel:geomBindTransform = (
+            (1, 0, 0, 0), (0, 2, 0, 0), (0, 0, 1, 0), (0.25, 0, 0, 1))
+        int[] primvars:skel:jointIndices = [0, 0, 0, 1, 1, 0, 0, 1] (
+            elementSize = 2
+            interpolation = "vertex"
+        )
+        float[] primvars:skel:jointWeights = [1, 0, 0.25, 0.75, 1, 0, 0.5, 0.5] (
+            elementSize = 2
+            interpolation = "vertex"
+        )
+        SHAPES
+    }
+}
+"""
+SHAPES = """
+        uniform token[] skel:blendShapes = ["bulge"]
+        rel skel:blendShapeTargets = </root/mesh/bulge>
+        def BlendShape "bulge" {
+            uniform vector3f[] offsets = [(0, 0, 1), (0.5, 0, 0)]
+            uniform int[] pointIndices = [1, 2]
+        }
+"""
+
+
+def baked(path, frame: float) -> tuple[np.ndarray, np.ndarray]:
+    """World points and normals that UsdSkel bakes."""
+    stage = Usd.Stage.Open(str(path))
+    stage.SetEditTarget(stage.GetSessionLayer())
+    assert UsdSkel.BakeSkinning(UsdSkel.Root(stage.GetPrimAtPath("/root")))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/root/mesh"))
+    to_world = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(mesh.GetPrim()))
+    points = np.array(mesh.GetPointsAttr().Get(frame)) @ to_world[:3, :3] + to_world[3, :3]
+    normals = np.array(mesh.GetNormalsAttr().Get(frame)) @ np.linalg.inv(to_world[:3, :3]).T
+    return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("shapes", ["", SHAPES])
+@pytest.mark.parametrize("frame", [1, 3])
+def test_skinned_points_and_normals_are_those_that_usd_bakes(write, shapes, frame):
+    path = write(SKINNED.replace("SHAPES", shapes))
+    mesh = load(path, frame=frame).meshes[0]
+    expected_points, expected_normals = baked(path, frame)
+    matrix = mesh.transform
+    points = mesh.points @ matrix[:3, :3] + matrix[3, :3]
+    assert points == pytest.approx(expected_points, abs=1e-5)
+    normals = mesh.normals.values[mesh.normals.corners] @ np.linalg.inv(matrix[:3, :3]).T
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    assert normals == pytest.approx(expected_normals[mesh.triangles], abs=1e-5)
+
+
+def test_the_rest_pose_differs_so_the_comparison_means_something(write):
+    path = write(SKINNED.replace("SHAPES", ""))
+    first, second = (load(path, frame=frame).meshes[0].points for frame in (1, 3))
+    assert np.abs(first - second).max() > 0.1
+
+
+def test_the_stage_is_not_edited(write):
+    stage = Usd.Stage.Open(str(write(SKINNED.replace("SHAPES", SHAPES))))
+    before = stage.ExportToString()
+    load(stage, frame=3)
+    assert stage.ExportToString() == before
