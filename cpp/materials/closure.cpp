@@ -34,6 +34,22 @@ float pdf_lobe(const Lobe& lobe, Vec3f known, Vec3f sampled) {
     }
 }
 
+// Both at once, which is less work for microfacets.
+struct ValueAndPdf {
+    Spectrum value;
+    float pdf = 0;
+};
+
+ValueAndPdf scatter_lobe(const Lobe& lobe, Vec3f known, Vec3f sampled, Known role) {
+    const Vec3f l = role == Known::eye ? sampled : known, e = role == Known::eye ? known : sampled;
+    if (lobe.type == LobeType::diffuse || lobe.type == LobeType::translucent)
+        return {evaluate_lobe(lobe, l, e), pdf_lobe(lobe, known, sampled)};
+    const interface_lobe::Pair pair = interface_lobe::join(lobe, known, sampled);
+    if (!pair.joined) return {};
+    return {interface_lobe::value(lobe, pair, l, e),
+            interface_lobe::density(lobe, pair, known, sampled)};
+}
+
 bool sample_lobe(const Lobe& lobe, Vec3f known, float u_lobe, Vec2f u, Vec3f& sampled) {
     switch (lobe.type) {
         case LobeType::diffuse:
@@ -63,14 +79,28 @@ float eta_squared(const Lobe& lobe, Vec3f w) {
     return lobe.is_interface && w.z < 0 ? sqr(lobe.eta) : 1.0f;
 }
 
-Spectrum evaluate_delta(const Lobe& lobe, Vec3f l, Vec3f e, bool across) {
-    const interface_lobe::Split s = split_of_pair(lobe, e, l, across);
-    return (across ? s.T : s.R) * eta_squared(lobe, e);
+ValueAndPdf scatter_delta(const Lobe& lobe, Vec3f known, Vec3f sampled, Known role, bool across) {
+    const interface_lobe::Split s = split_of_pair(lobe, known, sampled, across);
+    const float eta2_sampled = eta_squared(lobe, sampled);
+    const float eta2_eye = role == Known::eye ? eta_squared(lobe, known) : eta2_sampled;
+    return {(across ? s.T : s.R) * eta2_eye,
+            (across ? s.P_T : s.P_R) * std::fabs(sampled.z) * eta2_sampled};
 }
 
-float pdf_delta(const Lobe& lobe, Vec3f known, Vec3f sampled, bool across) {
-    const interface_lobe::Split s = split_of_pair(lobe, known, sampled, across);
-    return (across ? s.P_T : s.P_R) * std::fabs(sampled.z) * eta_squared(lobe, sampled);
+bool sample_delta(int i, const Lobe& lobe, Vec3f known, float u_lobe, Vec3f& sampled,
+                  Component& component) {
+    const float side = known.z > 0 ? 1.0f : -1.0f;
+    const interface_lobe::Split s = interface_lobe::split(lobe, std::fabs(known.z), side > 0);
+    if (u_lobe < s.P_R) {
+        sampled = {-known.x, -known.y, known.z};
+        component = delta_reflection(i);
+        return true;
+    }
+    if (!(s.P_T > 0)) return false;
+    const float m = interface_lobe::relative_index(lobe, side > 0);
+    sampled = normalize(interface_lobe::refract(known, {0, 0, side}, m, s.cos_t));
+    component = delta_transmission(i);
+    return sampled.z * side < 0;
 }
 
 // ---- All lobes.
@@ -80,15 +110,22 @@ bool to_local(const Closure& closure, Vec3f world, Vec3f& local) {
     return local.z * dot(world, closure.geometric_normal) > 0;
 }
 
-// About the share of light from `w` that a lobe scatters, weight included.
-float scattering_estimate(const Lobe& lobe, Vec3f w) {
+Spectrum covered(const Closure& closure, const Lobe& lobe, const Spectrum& value, Vec3f l,
+                 const Passage& of_l, Vec3f e, const Passage& of_e) {
+    return lobe.cover == no_cover ? value : value * coupling(closure, lobe, l, of_l, e, of_e);
+}
+
+// About the share of light from `w` that lobe i scatters, weight included.
+float scattering_estimate(const Closure& closure, int i, Vec3f w, const Passage& of_w) {
+    const Lobe& lobe = closure.lobes[i];
     if (lobe.delta) {
         const interface_lobe::Split s = interface_lobe::split(lobe, std::fabs(w.z), w.z > 0);
         return mean(s.R) + mean(s.T);
     }
     if (lobe.type == LobeType::diffuse || lobe.type == LobeType::translucent)
         return mean(lobe.weight);
-    const Spectrum reflected = reflection_albedo(lobe, w);
+    const Spectrum reflected =
+        of_w.has_albedo >> i & 1 ? of_w.albedo[i] : reflection_albedo(lobe, w);
     Spectrum scattered;
     if (lobe.reflects) scattered += reflected;
     if (lobe.transmits) scattered += lobe.tint_transmission * (Spectrum(1.0f) - reflected);
@@ -108,49 +145,24 @@ struct Selection {
         float sum = 0;
         for (int i = 0; i < closure.lobe_count; ++i) {
             const Lobe& lobe = closure.lobes[i];
-            q[i] = scattering_estimate(lobe, known);
+            q[i] = scattering_estimate(closure, i, known, of_known);
             if (lobe.cover != no_cover) q[i] *= mean(of_known.through[lobe.cover]);
             sum += q[i];
         }
         const float scale = sum > 0 ? 1 / sum : 0.0f;
         for (int i = 0; i < closure.lobe_count; ++i) q[i] *= scale;
     }
+
+    // The lobe of a uniform number, which becomes its place in that lobe's interval; −1 if none.
+    int choose(int count, float& u) const {
+        int i = 0;
+        while (i < count && u >= q[i]) u -= q[i++];
+        if (i == count) --i;  // the probabilities sum to 1 but for rounding
+        if (i < 0 || !(q[i] > 0)) return -1;
+        u = std::min(u / q[i], 0x1.fffffep-1f);
+        return i;
+    }
 };
-
-Passage passage_if_covered(const Closure& closure, Vec3f w) {
-    return closure.cover_count > 0 ? passage(closure, w) : Passage();
-}
-
-Spectrum evaluate_component(const Closure& closure, Vec3f l, const Passage& of_l, Vec3f e,
-                            const Passage& of_e, Component component) {
-    const auto covered = [&](const Lobe& lobe, const Spectrum& value) {
-        return lobe.cover == no_cover ? value : value * coupling(closure, lobe, l, of_l, e, of_e);
-    };
-    if (component != non_delta) {
-        const Lobe& lobe = closure.lobes[lobe_of(component)];
-        return covered(lobe, evaluate_delta(lobe, l, e, is_transmission(component)));
-    }
-    Spectrum sum;
-    for (int i = 0; i < closure.lobe_count; ++i) {
-        const Lobe& lobe = closure.lobes[i];
-        if (!lobe.delta) sum += covered(lobe, evaluate_lobe(lobe, l, e));
-    }
-    return sum;
-}
-
-float pdf_component(const Closure& closure, Vec3f known, Vec3f sampled, const Selection& selection,
-                    Component component) {
-    if (component != non_delta) {
-        const int i = lobe_of(component);
-        return selection.q[i] *
-               pdf_delta(closure.lobes[i], known, sampled, is_transmission(component));
-    }
-    float sum = 0;
-    for (int i = 0; i < closure.lobe_count; ++i)
-        if (!closure.lobes[i].delta && selection.q[i] > 0)
-            sum += selection.q[i] * pdf_lobe(closure.lobes[i], known, sampled);
-    return sum;
-}
 
 // Whether the component can join two local directions at all.
 bool joins(const Closure& closure, Vec3f a, Vec3f b, Component component) {
@@ -166,62 +178,73 @@ Spectrum Closure::evaluate_lobes(Vec3f to_light, Vec3f to_eye, Component compone
     Vec3f l, e;
     if (!to_local(*this, to_light, l) || !to_local(*this, to_eye, e)) return Spectrum();
     if (!joins(*this, l, e, component)) return Spectrum();
-    return evaluate_component(*this, l, passage_if_covered(*this, l), e,
-                              passage_if_covered(*this, e), component);
+    const Passage of_l(*this, l), of_e(*this, e);
+    if (component != non_delta) {
+        const Lobe& lobe = lobes[lobe_of(component)];
+        const bool across = is_transmission(component);
+        const Spectrum value = scatter_delta(lobe, e, l, Known::eye, across).value;
+        return covered(*this, lobe, value, l, of_l, e, of_e);
+    }
+    Spectrum sum;
+    for (int i = 0; i < lobe_count; ++i)
+        if (!lobes[i].delta)
+            sum += covered(*this, lobes[i], evaluate_lobe(lobes[i], l, e), l, of_l, e, of_e);
+    return sum;
 }
 
-float Closure::pdf_lobes(Vec3f known_world, Vec3f sampled_world, Known, Component component) const {
+float Closure::pdf_lobes(Vec3f known_world, Vec3f sampled_world, Known role,
+                         Component component) const {
     Vec3f known, sampled;
     if (!to_local(*this, known_world, known) || !to_local(*this, sampled_world, sampled)) return 0;
     if (!joins(*this, known, sampled, component)) return 0;
-    const Selection selection(*this, known, passage_if_covered(*this, known));
-    return pdf_component(*this, known, sampled, selection, component);
+    const Selection selection(*this, known, Passage(*this, known));
+    if (component != non_delta) {
+        const int i = lobe_of(component);
+        return selection.q[i] *
+               scatter_delta(lobes[i], known, sampled, role, is_transmission(component)).pdf;
+    }
+    float sum = 0;
+    for (int i = 0; i < lobe_count; ++i)
+        if (!lobes[i].delta && selection.q[i] > 0)
+            sum += selection.q[i] * pdf_lobe(lobes[i], known, sampled);
+    return sum;
 }
 
 bool Closure::sample_lobes(Vec3f known_world, Known role, float u_lobe, Vec2f u,
                            ClosureSample& out) const {
     Vec3f known, sampled;
     if (!to_local(*this, known_world, known)) return false;
-    const Passage of_known = passage_if_covered(*this, known);
+    const Passage of_known(*this, known);
     const Selection selection(*this, known, of_known);
+    const int i = selection.choose(lobe_count, u_lobe);
+    if (i < 0) return false;
 
-    int i = 0;
-    while (i < lobe_count && u_lobe >= selection.q[i]) u_lobe -= selection.q[i++];
-    if (i >= lobe_count) {  // rounding of the sum, or nothing to choose
-        i = lobe_count - 1;
-        if (i < 0 || !(selection.q[i] > 0)) return false;
-    }
-    u_lobe = std::min(u_lobe / selection.q[i], 0x1.fffffep-1f);
-
-    const Lobe& lobe = lobes[i];
-    if (lobe.delta) {
-        const float side = known.z > 0 ? 1.0f : -1.0f;
-        const interface_lobe::Split s = interface_lobe::split(lobe, std::fabs(known.z), side > 0);
-        if (u_lobe < s.P_R) {
-            sampled = {-known.x, -known.y, known.z};
-            out.component = delta_reflection(i);
-        } else {
-            if (!(s.P_T > 0)) return false;
-            sampled = normalize(interface_lobe::refract(
-                known, {0, 0, side}, interface_lobe::relative_index(lobe, side > 0)));
-            if (!(sampled.z * side < 0)) return false;
-            out.component = delta_transmission(i);
-        }
-    } else {
-        if (!sample_lobe(lobe, known, u_lobe, u, sampled)) return false;
-        out.component = non_delta;
-    }
-
+    const bool found = lobes[i].delta
+                           ? sample_delta(i, lobes[i], known, u_lobe, sampled, out.component)
+                           : sample_lobe(lobes[i], known, u_lobe, u, sampled);
+    if (!found) return false;
+    if (!lobes[i].delta) out.component = non_delta;
     out.direction = shading.to_world(sampled);
     if (!(sampled.z * dot(out.direction, geometric_normal) > 0)) return false;
-    out.pdf = pdf_component(*this, known, sampled, selection, out.component);
-    if (!(out.pdf > 0)) return false;
-    const Passage of_sampled = passage_if_covered(*this, sampled);
-    out.value =
-        role == Known::eye
-            ? evaluate_component(*this, sampled, of_sampled, known, of_known, out.component)
-            : evaluate_component(*this, known, of_known, sampled, of_sampled, out.component);
-    return true;
+
+    const Passage of_sampled(*this, sampled);
+    out.value = Spectrum();
+    out.pdf = 0;
+    for (int k = 0; k < lobe_count; ++k) {
+        const Lobe& lobe = lobes[k];
+        ValueAndPdf part;
+        if (out.component == non_delta) {
+            if (lobe.delta) continue;
+            part = scatter_lobe(lobe, known, sampled, role);
+        } else {
+            if (k != i) continue;
+            part = scatter_delta(lobe, known, sampled, role, is_transmission(out.component));
+        }
+        // Layers treat both directions alike.
+        out.value += covered(*this, lobe, part.value, known, of_known, sampled, of_sampled);
+        out.pdf += selection.q[k] * part.pdf;
+    }
+    return out.pdf > 0;
 }
 
 }  // namespace usdmlt

@@ -15,7 +15,7 @@ namespace {
 // of every Fresnel law follows from one distribution: that of cosθ = ω·h, weighted by G2/G1. The
 // table keeps its total and the means of `bins` parts of equal weight, over (√|ω_z|, √alpha). Both
 // vary smoothly with the direction, also where F does not (total reflection), so interpolating them
-// is better than interpolating E.
+// is better than interpolating E. The same over all directions, weighted by |ω_z|/π, gives means.
 class MicrofacetCosines {
 public:
     static constexpr int bins = 16, directions = 33, alphas = 33;
@@ -25,12 +25,23 @@ public:
         float cosines[bins];  // ascending
     };
 
-    MicrofacetCosines() : entries_(size_t(directions) * alphas) {
+    MicrofacetCosines() : entries_(size_t(directions) * alphas), means_(alphas) {
         std::vector<Weighted> samples;
-        for (int j = 0; j < alphas; ++j)
-            for (int i = 0; i < directions; ++i)
-                entries_[size_t(j) * directions + size_t(i)] = integrate(
-                    sqr(float(i) / (directions - 1)), sqr(float(j) / (alphas - 1)), samples);
+        for (int j = 0; j < alphas; ++j) {
+            const float alpha = sqr(float(j) / (alphas - 1));
+            for (int i = 0; i < directions; ++i) {
+                samples.clear();
+                add_samples(sqr(float(i) / (directions - 1)), alpha, 1, samples);
+                entries_[size_t(j) * directions + size_t(i)] = parts(samples);
+            }
+            samples.clear();
+            constexpr int n = 24;
+            for (int i = 0; i < n; ++i) {
+                const float c = (float(i) + 0.5f) / n;
+                add_samples(c, alpha, 2 * c / n, samples);
+            }
+            means_[size_t(j)] = parts(samples);
+        }
     }
 
     Entry at(float cos_theta, float alpha) const {
@@ -49,24 +60,34 @@ public:
         return out;
     }
 
+    // Over all directions, cosine-weighted.
+    Entry mean(float alpha) const {
+        float fj;
+        const int j = cell(std::sqrt(alpha), alphas, fj);
+        const Entry &e0 = means_[size_t(j)], &e1 = means_[size_t(j) + 1];
+        Entry out;
+        out.total = lerp(e0.total, e1.total, fj);
+        for (int k = 0; k < bins; ++k) out.cosines[k] = lerp(e0.cosines[k], e1.cosines[k], fj);
+        return out;
+    }
+
 private:
     struct Weighted {
         float cosine, weight;
     };
 
-    // Midpoints of a grid of the random numbers; half of the azimuths, the other half mirrors it.
-    static Entry integrate(float cos_theta, float alpha, std::vector<Weighted>& samples) {
-        Entry entry;
+    // The microfacets that one direction sees, `share` in all: midpoints of a grid of the random
+    // numbers; half of the azimuths, the other half mirrors it.
+    static void add_samples(float cos_theta, float alpha, float share,
+                            std::vector<Weighted>& samples) {
         if (alpha == 0) {
-            entry.total = 1;
-            std::fill_n(entry.cosines, bins, cos_theta);
-            return entry;
+            samples.push_back({cos_theta, share});
+            return;
         }
         constexpr int n_phi = 16, n_z = 40;
         const float c = std::fmax(cos_theta, 1e-4f);
         const Vec3f w{safe_sqrt(1 - sqr(c)), 0, c};
         const Ggx ggx{alpha, alpha};
-        samples.clear();
         for (int i = 0; i < n_phi; ++i)
             for (int j = 0; j < n_z; ++j) {
                 const float v = (float(j) + 0.5f) / n_z;  // u_y = 1 − v²: resolves GGX's tail
@@ -76,23 +97,24 @@ private:
                 if (!(reflected.z > 0)) continue;
                 const float g2_over_g1 = ggx.shadowing_over_cosines(w, reflected) * reflected.z /
                                          ggx.masking_over_cosine(w);
-                samples.push_back({clamp01(dot(w, h)), g2_over_g1 * 2 * v});
+                samples.push_back({clamp01(dot(w, h)), share * g2_over_g1 * 2 * v / (n_phi * n_z)});
             }
+    }
+
+    // Deals samples into parts of equal weight; one that straddles an edge is divided.
+    static Entry parts(std::vector<Weighted>& samples) {
         std::sort(samples.begin(), samples.end(),
                   [](const Weighted& a, const Weighted& b) { return a.cosine < b.cosine; });
         double total = 0;
         for (const Weighted& s : samples) total += s.weight;
-        entry.total = float(total / (n_phi * n_z));
-        // Deal the samples into parts of equal weight; one that straddles an edge is divided.
-        double bin_means[bins] = {}, filled = 0;
         const double share = total / bins;
+        double sums[bins] = {}, filled = 0;
         int k = 0;
         for (const Weighted& s : samples) {
             double rest = s.weight;
             while (rest > 0) {
-                const double room = k < bins - 1 ? share - filled : rest;
-                const double part = std::min(rest, room);
-                bin_means[k] += part * s.cosine;
+                const double part = k < bins - 1 ? std::min(rest, share - filled) : rest;
+                sums[k] += part * s.cosine;
                 filled += part;
                 rest -= part;
                 if (k < bins - 1 && filled >= share) {
@@ -101,7 +123,9 @@ private:
                 }
             }
         }
-        for (int i = 0; i < bins; ++i) entry.cosines[i] = float(bin_means[i] / share);
+        Entry entry;
+        entry.total = float(total);
+        for (int i = 0; i < bins; ++i) entry.cosines[i] = float(sums[i] / share);
         return entry;
     }
 
@@ -112,7 +136,8 @@ private:
         return i;
     }
 
-    std::vector<Entry> entries_;
+    std::vector<Entry> entries_;  // direction fastest
+    std::vector<Entry> means_;    // by alpha
 };
 
 const MicrofacetCosines& microfacet_cosines() {
@@ -139,32 +164,43 @@ MicrofacetCosines::Entry cosines_of(const Lobe& lobe, Vec3f w) {
     return entry;
 }
 
-constexpr float per_bin = 1.0f / MicrofacetCosines::bins;
-
-float dielectric_albedo(const Lobe& lobe, const MicrofacetCosines::Entry& entry, bool above) {
-    const float m = interface_lobe::relative_index(lobe, above);
-    float sum = 0;
-    for (const float c : entry.cosines) sum += fresnel_dielectric(c, m);
-    return entry.total * sum * per_bin;
+// The mean of f over the parts, in independent lanes: a sum in sequence would wait for each
+// addition.
+template <typename F>
+float mean_over(const MicrofacetCosines::Entry& entry, const F& f) {
+    constexpr int lanes = 8;
+    static_assert(MicrofacetCosines::bins == 2 * lanes);
+    float sums[lanes];
+    for (int k = 0; k < lanes; ++k) sums[k] = f(entry.cosines[k]) + f(entry.cosines[k + lanes]);
+    for (int width = lanes / 2; width > 0; width /= 2)
+        for (int k = 0; k < width; ++k) sums[k] += sums[k + width];
+    return sums[0] * (1.0f / MicrofacetCosines::bins);
 }
 
-Spectrum schlick_albedo(const Lobe& lobe, const MicrofacetCosines::Entry& entry, bool above) {
+Spectrum albedo(const Lobe& lobe, const MicrofacetCosines::Entry& entry, bool above) {
     const float m = interface_lobe::relative_index(lobe, above);
-    float sum = 0;
-    if (lobe.is_interface && m < 1)
-        for (const float c : entry.cosines)
-            sum += schlick_power(refracted_cosine(c, m), lobe.exponent);
-    else
-        for (const float c : entry.cosines) sum += schlick_power(c, lobe.exponent);
-    const float power = sum * per_bin;
-    return (lobe.color0 * (1 - power) + lobe.color90 * power) * entry.total;
-}
-
-// Metals change little with the angle: their law at the mean angle.
-Spectrum conductor_albedo(const Lobe& lobe, const MicrofacetCosines::Entry& entry) {
-    float sum = 0;
-    for (const float c : entry.cosines) sum += c;
-    return conductor_lobe::reflectance(lobe, sum * per_bin) * entry.total;
+    switch (lobe.type) {
+        case LobeType::dielectric:
+            return Spectrum(entry.total *
+                            mean_over(entry, [&](float c) { return fresnel_dielectric(c, m); }));
+        case LobeType::schlick: {
+            const float p = lobe.exponent;
+            float power;  // of the angle on the side of the smaller index
+            if (lobe.is_interface && m < 1)
+                power = mean_over(
+                    entry, [&](float c) { return schlick_power(refracted_cosine(c, m), p); });
+            else if (p == 5)
+                power = mean_over(entry, [](float c) { return schlick_power(c, 5); });
+            else
+                power = mean_over(entry, [&](float c) { return schlick_power(c, p); });
+            return (lobe.color0 * (1 - power) + lobe.color90 * power) * entry.total;
+        }
+        case LobeType::conductor:  // changes little with the angle: at the mean angle
+            return entry.total *
+                   conductor_lobe::reflectance(lobe, mean_over(entry, [](float c) { return c; }));
+        default:
+            return Spectrum();
+    }
 }
 
 }  // namespace
@@ -172,17 +208,11 @@ Spectrum conductor_albedo(const Lobe& lobe, const MicrofacetCosines::Entry& entr
 Spectrum reflection_albedo(const Lobe& lobe, Vec3f w) {
     const bool above = w.z > 0;
     if (lobe.delta) return interface_lobe::reflectance(lobe, std::fabs(w.z), above);
-    const MicrofacetCosines::Entry entry = cosines_of(lobe, w);
-    switch (lobe.type) {
-        case LobeType::dielectric:
-            return Spectrum(dielectric_albedo(lobe, entry, above));
-        case LobeType::schlick:
-            return schlick_albedo(lobe, entry, above);
-        case LobeType::conductor:
-            return conductor_albedo(lobe, entry);
-        default:
-            return Spectrum();
-    }
+    return albedo(lobe, cosines_of(lobe, w), above);
+}
+
+Spectrum average_reflection_albedo(const Lobe& lobe) {
+    return albedo(lobe, microfacet_cosines().mean(lobe.delta ? 0 : lobe.alpha_x), true);
 }
 
 }  // namespace usdmlt

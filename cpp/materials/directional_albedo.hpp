@@ -13,4 +13,7 @@ namespace usdmlt {
 // (0.03).
 Spectrum reflection_albedo(const Lobe& lobe, Vec3f w);
 
+// Its cosine-weighted mean over the directions outside, ∫ E |cosθ| dω / π, for equal alphas.
+Spectrum average_reflection_albedo(const Lobe& lobe);
+
 }  // namespace usdmlt

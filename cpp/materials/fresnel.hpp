@@ -19,9 +19,11 @@ inline float refracted_cosine(float cos_i, float m) {
 // cos_t from refracted_cosine, so 1 under total internal reflection.
 inline float fresnel_dielectric(float cos_i, float cos_t, float m) {
     if (m == 1) return 0;
-    const float parallel = (m * cos_i - cos_t) / (m * cos_i + cos_t);
-    const float perpendicular = (cos_i - m * cos_t) / (cos_i + m * cos_t);
-    return 0.5f * (sqr(parallel) + sqr(perpendicular));
+    const float parallel = m * cos_i - cos_t, parallel_sum = m * cos_i + cos_t;
+    const float perpendicular = cos_i - m * cos_t, perpendicular_sum = cos_i + m * cos_t;
+    // ½ (r∥² + r⊥²), with one division.
+    return 0.5f * (sqr(parallel * perpendicular_sum) + sqr(perpendicular * parallel_sum)) /
+           sqr(parallel_sum * perpendicular_sum);
 }
 inline float fresnel_dielectric(float cos_i, float m) {
     return fresnel_dielectric(cos_i, refracted_cosine(cos_i, m), m);

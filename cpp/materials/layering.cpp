@@ -25,6 +25,19 @@ Spectrum max(const Spectrum& a, const Spectrum& b) {
     return m;
 }
 
+// One layer, the same from all azimuths and both sides: the mean of T from the mean albedos.
+void average_single_cover(Closure& closure) {
+    Cover& cover = closure.covers[0];
+    Spectrum through(1.0f);
+    for (int i = cover.lobe_first; i < cover.lobe_last; ++i) {
+        const Lobe& lobe = closure.lobes[i];
+        Spectrum taken(lobe.coverage * cover.inverse_scale);
+        if (!lets_nothing_pass(lobe)) taken *= average_reflection_albedo(lobe);
+        through = through - taken;
+    }
+    cover.average[0] = cover.average[1] = max(through, Spectrum());
+}
+
 // ∫ T |cosθ| dω / π = ∫₀¹ T 2c dc by Gauss–Legendre quadrature in c; two azimuths for anisotropic
 // layers, which are symmetric in each quadrant.
 constexpr int nodes = 8;
@@ -33,32 +46,55 @@ constexpr float node_cosines[nodes] = {0.0198550718f, 0.1016667613f, 0.237233795
 constexpr float node_weights[nodes] = {0.0506142681f, 0.1111905172f, 0.1568533229f, 0.1813418917f,
                                        0.1813418917f, 0.1568533229f, 0.1111905172f, 0.0506142681f};
 
+void average_by_quadrature(Closure& closure, bool sided, bool anisotropic) {
+    const int azimuths = anisotropic ? 2 : 1;
+    for (int side = 0; side < 2; ++side)
+        for (int c = 0; c < closure.cover_count; ++c) closure.covers[c].average[side] = Spectrum();
+    for (int side = 0; side < (sided ? 2 : 1); ++side)
+        for (int k = 0; k < nodes; ++k)
+            for (int a = 0; a < azimuths; ++a) {
+                const float cosine = node_cosines[k], sine = safe_sqrt(1 - sqr(cosine));
+                const float phi = pi / 8 * float(1 + 2 * a);
+                const Passage p(closure, {sine * std::cos(phi), sine * std::sin(phi),
+                                          side == 0 ? cosine : -cosine});
+                const float weight = node_weights[k] * 2 * cosine / float(azimuths);
+                for (int c = 0; c < closure.cover_count; ++c)
+                    closure.covers[c].average[side] += p.through[c] * weight;
+            }
+    if (sided) return;
+    for (int c = 0; c < closure.cover_count; ++c)
+        closure.covers[c].average[1] = closure.covers[c].average[0];
+}
+
 }  // namespace
 
-Passage passage(const Closure& closure, Vec3f w) {
-    Passage p;
-    // Inner covers come before the ones they lie under. First each layer alone …
-    Spectrum alone[max_lobes];
+void Passage::compute(const Closure& closure, Vec3f w) {
+    // First each layer alone; inner ones come before those they lie under …
     for (int c = 0; c < closure.cover_count; ++c) {
         const Cover& cover = closure.covers[c];
-        Spectrum through(1.0f);
+        Spectrum alone(1.0f);
         for (int i = cover.lobe_first; i < cover.lobe_last; ++i) {
             const Lobe& lobe = closure.lobes[i];
             Spectrum taken(lobe.coverage * cover.inverse_scale);
-            if (!lets_nothing_pass(lobe)) taken *= reflection_albedo(lobe, w);
+            if (!lets_nothing_pass(lobe)) {
+                if (!(has_albedo >> i & 1)) {
+                    albedo[i] = reflection_albedo(lobe, w);
+                    has_albedo |= static_cast<uint8_t>(1 << i);
+                }
+                taken *= albedo[i];
+            }
             // A layer may itself be layered.
             for (uint8_t k = lobe.cover; k != cover.above; k = closure.covers[k].above)
-                taken *= alone[k];
-            through = through - taken;
+                taken *= through[k];
+            alone = alone - taken;
         }
-        alone[c] = max(through, Spectrum());
+        through[c] = max(alone, Spectrum());
     }
     // … then with all that is above.
     for (int c = closure.cover_count - 1; c >= 0; --c) {
         const uint8_t above = closure.covers[c].above;
-        p.through[c] = above == no_cover ? alone[c] : alone[c] * p.through[above];
+        if (above != no_cover) through[c] *= through[above];
     }
-    return p;
 }
 
 Spectrum coupling(const Closure& closure, const Lobe& lobe, Vec3f l, const Passage& of_l, Vec3f e,
@@ -77,29 +113,18 @@ void average_covers(Closure& closure) {
     bool wanted = false, sided = false, anisotropic = false;
     for (int i = 0; i < closure.lobe_count; ++i) {
         const Lobe& lobe = closure.lobes[i];
-        wanted |= is_diffuse(lobe) && lobe.cover != no_cover;
-        sided |= lobe.is_interface;
-        anisotropic |= !is_diffuse(lobe) && lobe.alpha_x != lobe.alpha_y;
+        if (is_diffuse(lobe)) {
+            wanted |= lobe.cover != no_cover;
+        } else {
+            sided |= lobe.is_interface;
+            anisotropic |= lobe.alpha_x != lobe.alpha_y;
+        }
     }
     if (!wanted) return;
-    const int azimuths = anisotropic ? 2 : 1;
-    for (int side = 0; side < 2; ++side) {
-        for (int c = 0; c < closure.cover_count; ++c)
-            closure.covers[c].average[side] =
-                side > 0 && !sided ? closure.covers[c].average[0] : Spectrum();
-        if (side > 0 && !sided) continue;
-        for (int k = 0; k < nodes; ++k)
-            for (int a = 0; a < azimuths; ++a) {
-                const float cosine = node_cosines[k], sine = safe_sqrt(1 - sqr(cosine));
-                const float phi = pi / 8 * float(1 + 2 * a);
-                const Vec3f w{sine * std::cos(phi), sine * std::sin(phi),
-                              side == 0 ? cosine : -cosine};
-                const Passage p = passage(closure, w);
-                const float weight = node_weights[k] * 2 * cosine / float(azimuths);
-                for (int c = 0; c < closure.cover_count; ++c)
-                    closure.covers[c].average[side] += p.through[c] * weight;
-            }
-    }
+    if (closure.cover_count == 1 && !sided && !anisotropic)
+        average_single_cover(closure);
+    else
+        average_by_quadrature(closure, sided, anisotropic);
 }
 
 }  // namespace usdmlt

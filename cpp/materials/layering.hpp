@@ -22,12 +22,24 @@
 
 namespace usdmlt {
 
-// What the chain of layers from each cover upward lets through for a local direction.
+// What a local direction meets at the layers. In unions so that only what is used is touched:
+// without layers, nothing.
 struct Passage {
-    Spectrum through[max_lobes];  // by cover
-};
+    Passage(const Closure& closure, Vec3f w) {
+        if (closure.cover_count > 0) compute(closure, w);
+    }
 
-Passage passage(const Closure& closure, Vec3f w);
+    union {
+        Spectrum through[max_lobes];  // by cover: what it and all above it let through together
+    };
+    union {
+        Spectrum albedo[max_lobes];  // by lobe, weight not included: those that layers consist of
+    };
+    uint8_t has_albedo = 0;  // bit per lobe
+
+private:
+    void compute(const Closure& closure, Vec3f w);
+};
 
 // The factor on a covered lobe's value.
 Spectrum coupling(const Closure& closure, const Lobe& lobe, Vec3f l, const Passage& of_l, Vec3f e,

@@ -22,10 +22,11 @@ inline constexpr float smooth_alpha = 1e-3f;
 struct Ggx {
     float alpha_x, alpha_y;
 
-    // D(h), normalised so that ∫ D(h) h_z dω = 1.
+    // D(h) = 1 / (π αx αy t²), t = (h_x/αx)² + (h_y/αy)² + h_z², so that ∫ D(h) h_z dω = 1.
     float distribution(Vec3f h) const {
-        const float t = sqr(h.x / alpha_x) + sqr(h.y / alpha_y) + sqr(h.z);
-        return inv_pi / (alpha_x * alpha_y * sqr(t));
+        const float xy = alpha_x * alpha_y;
+        const float t_xy2 = sqr(alpha_y * h.x) + sqr(alpha_x * h.y) + sqr(xy * h.z);
+        return inv_pi * xy * sqr(xy / t_xy2);
     }
     float stretched_length(Vec3f w) const {  // S(w)
         return std::sqrt(sqr(w.z) + sqr(alpha_x * w.x) + sqr(alpha_y * w.y));

@@ -47,6 +47,20 @@ float reduce_coordinate(float s, Wrap wrap) {
     return std::clamp(s, -4.0f, 4.0f);
 }
 
+// Stored channels to (r, g, b, a); `there` is the alpha of an image that has none.
+Texel expand(const float v[4], int channels, float there) {
+    switch (channels) {
+        case 1:
+            return {{v[0], v[0], v[0], there}};
+        case 2:
+            return {{v[0], v[0], v[0], v[1]}};
+        case 3:
+            return {{v[0], v[1], v[2], there}};
+        default:
+            return {{v[0], v[1], v[2], v[3]}};
+    }
+}
+
 }  // namespace
 
 void Texture::resize(int new_width, int new_height, int new_channels, bool half) {
@@ -58,23 +72,18 @@ void Texture::resize(int new_width, int new_height, int new_channels, bool half)
     floats.assign(half ? 0 : count, 0.0f);
 }
 
-Texel Texture::texel(int column, int row) const {
+void Texture::read(int column, int row, float out[4]) const {
     const size_t i = (size_t(row) * size_t(width) + size_t(column)) * size_t(channels);
-    Texel t;
     if (!halves.empty())
-        halves_to_floats(halves.data() + i, t.c);
+        halves_to_floats(halves.data() + i, out);
     else
-        std::memcpy(t.c, floats.data() + i, sizeof t.c);
-    switch (channels) {
-        case 1:
-            return {{t[0], t[0], t[0], 1}};
-        case 2:
-            return {{t[0], t[0], t[0], t[1]}};
-        case 3:
-            return {{t[0], t[1], t[2], 1}};
-        default:
-            return t;
-    }
+        std::memcpy(out, floats.data() + i, 4 * sizeof(float));
+}
+
+Texel Texture::texel(int column, int row) const {
+    float v[4];
+    read(column, row, v);
+    return expand(v, channels, 1);
 }
 
 Texel Texture::lookup(Vec2f st) const {
@@ -89,14 +98,18 @@ Texel Texture::lookup(Vec2f st) const {
                          wrap_index(int(y_floor) + 1, height, wrap_t)};
     const float weights[2][2] = {{(1 - fx) * (1 - fy), fx * (1 - fy)}, {(1 - fx) * fy, fx * fy}};
 
-    Texel sum{{0, 0, 0, 0}};
+    float sum[4] = {0, 0, 0, 0}, there = 0;
     for (int j = 0; j < 2; ++j)
         for (int i = 0; i < 2; ++i) {
-            if (columns[i] < 0 || rows[j] < 0 || weights[j][i] == 0) continue;
-            const Texel t = texel(columns[i], rows[j]);
-            for (int k = 0; k < 4; ++k) sum.c[k] += weights[j][i] * t[k];
+            const float w = weights[j][i];
+            // A texel of weight 0 is not read: infinities in it would become NaN.
+            if (columns[i] < 0 || rows[j] < 0 || w == 0) continue;
+            float v[4];
+            read(columns[i], rows[j], v);
+            for (int k = 0; k < 4; ++k) sum[k] += w * v[k];
+            there += w;
         }
-    return sum;
+    return expand(sum, channels, there);
 }
 
 }  // namespace usdmlt

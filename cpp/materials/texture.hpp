@@ -36,6 +36,10 @@ struct Texture {
     // Bilinear; texels are squares, so texel centres are at (i + ½) / size. Outside the image, a
     // black wrap is transparent black.
     Texel lookup(Vec2f st) const;
+
+private:
+    // All stored channels, and whatever follows them up to four.
+    void read(int column, int row, float out[4]) const;
 };
 
 }  // namespace usdmlt

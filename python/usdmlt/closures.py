@@ -80,7 +80,7 @@ def compile_material(
     }
 
 
-# The operations, with their inputs in the core's order. A tuple names a GGX roughness, which is two.
+# The operations and their inputs in the core's order. A tuple names a GGX roughness: two numbers.
 LOBES: dict[type, tuple[str, tuple[str | tuple[str], ...]]] = {
     scene.Diffuse: ("diffuse", ("color", "weight", "roughness")),
     scene.Translucent: ("translucent", ("color", "weight")),

@@ -43,32 +43,26 @@ inline Spectrum reflectance(const Lobe& lobe, float cos_i, bool above) {
 // probabilities with which a sample is reflected and refracted.
 struct Split {
     Spectrum R, T;
-    float P_R, P_T;
+    float P_R = 0, P_T = 0;
+    float cos_t = 0;  // of the refracted direction, 0 under total reflection
 };
 
 inline Split split(const Lobe& lobe, float cos_i, bool above) {
     const float m = relative_index(lobe, above);
     const float cos_t = refracted_cosine(cos_i, m);
     const Spectrum f = reflectance(lobe, cos_i, cos_t, m);
-    Split s{};
+    Split s;
+    s.cos_t = cos_t;
     if (lobe.reflects) s.R = lobe.weight * f;
     if (lobe.transmits && cos_t > 0)
         s.T = lobe.weight * lobe.tint_transmission * (Spectrum(1.0f) - f);
     const float r = mean(s.R), t = mean(s.T);
     if (r + t > 0) {
         s.P_R = r / (r + t);
-        s.P_T = t / (r + t);
+        s.P_T = 1 - s.P_R;
     }
     return s;
 }
-
-// Half vector of a pair of directions, with what both the value and the density need.
-struct HalfVector {
-    Vec3f h;             // h_z ≥ 0
-    float cos_a, cos_b;  // |a·h|, |b·h|
-    float jacobian;      // refraction: J
-    bool valid;
-};
 
 // The split of a pair that refracts, from the side of the smaller index: there is no total
 // reflection there, and rounding cannot make one.
@@ -76,55 +70,74 @@ inline Split split_refraction(const Lobe& lobe, float cos_above, float cos_below
     return lobe.eta > 1 ? split(lobe, cos_above, true) : split(lobe, cos_below, false);
 }
 
-inline HalfVector half_vector(const Lobe& lobe, Vec3f a, Vec3f b, bool reflection) {
-    const float eta_a = reflection || a.z > 0 ? 1 : lobe.eta;
-    const float eta_b = reflection || b.z > 0 ? 1 : lobe.eta;
+// Two directions and the microfacets that join them: what the value and the densities share.
+struct Pair {
+    bool joined = false;  // the lobe scatters from one to the other
+    bool reflection;
+    float D;                  // density of the microfacets' normals
+    float cos_a, cos_b;       // |a·h|, |b·h|
+    float refraction_factor;  // |a·h b·h| / J
+    Split split;
+};
+
+// The split is left out where only the density is wanted and does not depend on it.
+inline Pair join(const Lobe& lobe, Vec3f a, Vec3f b, bool only_density = false) {
+    Pair pair;
+    pair.reflection = a.z * b.z > 0;
+    if (!(pair.reflection ? lobe.reflects : lobe.transmits)) return pair;
+    const float eta_a = pair.reflection || a.z > 0 ? 1 : lobe.eta;
+    const float eta_b = pair.reflection || b.z > 0 ? 1 : lobe.eta;
     Vec3f h = a * eta_a + b * eta_b;
     const float len2 = length_squared(h);
-    if (!(len2 > 0)) return {{}, 0, 0, 0, false};
+    if (!(len2 > 0)) return pair;
     h = h * (std::copysign(1.0f, h.z) / std::sqrt(len2));
     const float a_h = dot(a, h), b_h = dot(b, h);
     // Microfacets are seen from the same side as the surface.
-    const bool valid = a_h * a.z > 0 && b_h * b.z > 0;
-    return {h, std::fabs(a_h), std::fabs(b_h), sqr(eta_a * a_h + eta_b * b_h), valid};
+    pair.joined = a_h * a.z > 0 && b_h * b.z > 0;
+    if (!pair.joined) return pair;
+    pair.D = Ggx{lobe.alpha_x, lobe.alpha_y}.distribution(h);
+    pair.cos_a = std::fabs(a_h);
+    pair.cos_b = std::fabs(b_h);
+    if (pair.reflection) {
+        if (!only_density || lobe.transmits) pair.split = split(lobe, pair.cos_a, a.z > 0);
+    } else {
+        pair.refraction_factor = pair.cos_a * pair.cos_b / sqr(eta_a * a_h + eta_b * b_h);
+        pair.split = a.z > 0 ? split_refraction(lobe, pair.cos_a, pair.cos_b)
+                             : split_refraction(lobe, pair.cos_b, pair.cos_a);
+    }
+    return pair;
+}
+
+inline float eta_squared(const Lobe& lobe, Vec3f w) { return w.z > 0 ? 1 : sqr(lobe.eta); }
+
+inline Spectrum value(const Lobe& lobe, const Pair& pair, Vec3f l, Vec3f e) {
+    const float dg = pair.D * Ggx{lobe.alpha_x, lobe.alpha_y}.shadowing_over_cosines(l, e);
+    if (pair.reflection) return pair.split.R * (0.25f * dg);
+    return pair.split.T * (dg * pair.refraction_factor * eta_squared(lobe, e));
+}
+
+inline float density(const Lobe& lobe, const Pair& pair, Vec3f known, Vec3f sampled) {
+    const float dg = pair.D * Ggx{lobe.alpha_x, lobe.alpha_y}.masking_over_cosine(known);
+    // A lobe that only reflects samples reflection, also where it reflects nothing.
+    if (pair.reflection) return (lobe.transmits ? pair.split.P_R : 1.0f) * 0.25f * dg;
+    return pair.split.P_T * dg * pair.refraction_factor * eta_squared(lobe, sampled);
 }
 
 inline Spectrum evaluate(const Lobe& lobe, Vec3f l, Vec3f e) {
-    const bool reflection = l.z * e.z > 0;
-    if (!(reflection ? lobe.reflects : lobe.transmits)) return Spectrum();
-    const HalfVector v = half_vector(lobe, l, e, reflection);
-    if (!v.valid) return Spectrum();
-    const Ggx ggx{lobe.alpha_x, lobe.alpha_y};
-    const float dg = ggx.distribution(v.h) * ggx.shadowing_over_cosines(l, e);
-    if (reflection) return split(lobe, v.cos_b, e.z > 0).R * (0.25f * dg);
-    const bool e_above = e.z > 0;
-    const Split s = e_above ? split_refraction(lobe, v.cos_b, v.cos_a)
-                            : split_refraction(lobe, v.cos_a, v.cos_b);
-    return s.T * (sqr(e_above ? 1 : lobe.eta) * dg * v.cos_a * v.cos_b / v.jacobian);
+    const Pair pair = join(lobe, l, e);
+    return pair.joined ? value(lobe, pair, l, e) : Spectrum();
 }
 
 inline float pdf(const Lobe& lobe, Vec3f known, Vec3f sampled) {
-    const bool reflection = known.z * sampled.z > 0;
-    if (!(reflection ? lobe.reflects : lobe.transmits)) return 0;
-    const HalfVector v = half_vector(lobe, known, sampled, reflection);
-    if (!v.valid) return 0;
-    const Ggx ggx{lobe.alpha_x, lobe.alpha_y};
-    const float dg = ggx.distribution(v.h) * ggx.masking_over_cosine(known);
-    if (reflection) {
-        const float p = lobe.transmits ? split(lobe, v.cos_a, known.z > 0).P_R : 1.0f;
-        return p * 0.25f * dg;
-    }
-    const bool sampled_above = sampled.z > 0;
-    const Split s = sampled_above ? split_refraction(lobe, v.cos_b, v.cos_a)
-                                  : split_refraction(lobe, v.cos_a, v.cos_b);
-    return s.P_T * sqr(sampled_above ? 1 : lobe.eta) * dg * v.cos_a * v.cos_b / v.jacobian;
+    const Pair pair = join(lobe, known, sampled, true);
+    return pair.joined ? density(lobe, pair, known, sampled) : 0.0f;
 }
 
 // w mirrored, or refracted, at the plane with normal h (h·w > 0).
 inline Vec3f reflect(Vec3f w, Vec3f h) { return h * (2 * dot(w, h)) - w; }
-inline Vec3f refract(Vec3f w, Vec3f h, float m) {
-    const float cos_i = dot(w, h);
-    return h * (cos_i / m - refracted_cosine(cos_i, m)) - w * (1 / m);
+inline Vec3f refract(Vec3f w, Vec3f h, float m, float cos_t) {
+    const float inverse = 1 / m;
+    return h * (dot(w, h) * inverse - cos_t) - w * inverse;
 }
 
 // One side's P is certain where the lobe does only that; a sample is lost where nothing is
@@ -141,7 +154,7 @@ inline bool sample(const Lobe& lobe, Vec3f known, float u_lobe, Vec2f u, Vec3f& 
         if (!(sampled.z > 0)) return false;
     } else {
         if (!(s.P_T > 0)) return false;
-        sampled = refract(k, h, relative_index(lobe, side > 0));
+        sampled = refract(k, h, relative_index(lobe, side > 0), s.cos_t);
         if (!(sampled.z < 0)) return false;
     }
     sampled = normalize(sampled);
