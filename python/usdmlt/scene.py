@@ -49,7 +49,7 @@ class TextureInput:
     ``texture`` indexes :attr:`Scene.textures`; None (an unreadable file) gives ``fallback``.
     ``transform`` (2, 3) maps the primvar's (s, t) to texture coordinates: ``A @ (s, t, 1)``.
     Channels a texture lacks: one channel is grey with alpha 1; two are grey and alpha; three have
-    alpha 1.
+    alpha 1. A mesh without the primvar is sampled as if it were (0, 0) everywhere.
     """
 
     texture: int | None
@@ -240,6 +240,8 @@ class Primvar:
 @dataclass
 class Mesh:
     """A triangle mesh, counter-clockwise seen from outside (left-handed meshes are flipped).
+
+    The winding is that of local space; a mirroring transform does not turn the outside in.
 
     ``points`` (n, 3) float32 in local space; ``triangles`` (m, 3) int32; ``normals`` a
     :class:`Primvar` of width 3 in local space, None for flat shading; ``materials`` an index into

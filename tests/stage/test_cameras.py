@@ -83,6 +83,23 @@ def test_the_transform_and_the_clipping_range(read):
     assert lens.transform[3, :3].tolist() == [1, 2, 3]
 
 
+def test_scale_and_mirroring_leave_a_camera_rigid_as_usds_frustum_does(write):
+    extra = """
+        float fStop = 2
+        float focusDistance = 7
+        double3 xformOp:translate = (1, 2, 3)
+        float3 xformOp:rotateXYZ = (10, 20, 30)
+        float3 xformOp:scale = (-2, 2, 2)
+        uniform token[] xformOpOrder = [
+            "xformOp:translate", "xformOp:rotateXYZ", "xformOp:scale"]
+    """
+    stage = Usd.Stage.Open(str(write(camera(extra=extra))))
+    frustum = UsdGeom.Camera.Get(stage, "/c").GetCamera(Usd.TimeCode.Default()).frustum
+    lens = load(stage).camera
+    assert lens.transform == pytest.approx(np.array(frustum.ComputeViewInverse()), abs=1e-6)
+    assert (lens.lens_radius, lens.focus_distance) == (1, 7)
+
+
 EXPOSURE = """
     float exposure = 1
     float exposure:iso = 400

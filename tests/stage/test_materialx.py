@@ -18,6 +18,7 @@ from usdmlt.scene import (
     PreviewSurface,
     PrimvarInput,
     TextureInput,
+    Translucent,
     UniformEmission,
 )
 
@@ -63,6 +64,7 @@ def material(read):
     ("kind", "expected"),
     [
         ("ND_oren_nayar_diffuse_bsdf", Diffuse((0.18, 0.18, 0.18), 1.0, 0.0)),
+        ("ND_translucent_bsdf", Translucent((1, 1, 1), 1.0)),
         ("ND_dielectric_bsdf", Dielectric(1.5, 0.05, (1, 1, 1), 1.0, "R")),
         (
             "ND_conductor_bsdf",
@@ -222,6 +224,12 @@ def test_anisotropy(material):
         "float inputs:roughness = 0.5\nfloat inputs:anisotropy = 0.75",
     ) + node("bsdf", "ND_conductor_bsdf", connect("roughness", "r", "float2"))
     assert material(nodes).closure.roughness == pytest.approx((0.5, 0.125))
+
+
+def test_anisotropic_meshes_keep_the_coordinates_their_grooves_follow(read):
+    nodes = node("bsdf", "ND_conductor_bsdf", "float2 inputs:roughness = (0.5, 0.25)")
+    body = MATERIAL.replace("SURFACE", connect("bsdf", "bsdf")).replace("NODES", nodes)
+    assert set(read(body).meshes[0].primvars) == {"st"}
 
 
 @pytest.fixture

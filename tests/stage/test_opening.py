@@ -91,6 +91,11 @@ def test_without_a_start_the_earliest_sample_is_read(read):
     assert scene.metadata["frame"] is None
 
 
+def test_a_frame_that_is_no_number_is_a_wrong_value(read):
+    with pytest.raises(ValueError, match="frame must be a number"):
+        read(MOVING, frame=float("nan"))
+
+
 def test_metres_per_unit_never_scale_the_geometry(read):
     scene = read('def Cube "c" {}', "metersPerUnit = 0.01")
     assert np.ptp(scene.meshes[0].points, axis=0) == pytest.approx([2, 2, 2])

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdUtils
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Camera
@@ -74,8 +74,8 @@ def read_camera(camera: UsdGeom.Camera, time: Usd.TimeCode, report: Report) -> C
     """A UsdGeomCamera. The lens radius is focalLength / (2 fStop), in tenths of a scene unit;
     an fStop of 0 is a pinhole."""
     path = camera.GetPath()
-    transform = np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(camera.GetPrim()))
-    if singular(transform):
+    transform = UsdGeom.XformCache(time).GetLocalToWorldTransform(camera.GetPrim())
+    if singular(np.array(transform)):
         raise Error(f"{path}: the camera's transform is singular")
 
     def number(attribute: Usd.Attribute) -> float:
@@ -114,7 +114,7 @@ def read_camera(camera: UsdGeom.Camera, time: Usd.TimeCode, report: Report) -> C
         near, far = 0.0, math.inf
     _warn_of_unsupported(camera, time, report)
     return Camera(
-        transform=transform,
+        transform=rigid(transform),
         projection="orthographic" if orthographic else "perspective",
         window=window,
         lens_radius=radius,
@@ -123,6 +123,14 @@ def read_camera(camera: UsdGeom.Camera, time: Usd.TimeCode, report: Report) -> C
         exposure=exposure_scale(camera, time),
         name=str(path),
     )
+
+
+def rigid(transform: Gf.Matrix4d) -> np.ndarray:
+    """Position and orientation alone, (4, 4), as GfFrustum takes them: lens and distances are in
+    world units whatever a camera is scaled by, and a mirrored camera has its x axis turned back."""
+    if not transform.IsRightHanded():
+        transform = Gf.Matrix4d(Gf.Vec4d(-1, 1, 1, 1)) * transform
+    return np.array(transform.GetOrthonormalized(False), dtype=np.float64)
 
 
 def exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode) -> float:

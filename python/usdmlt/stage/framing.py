@@ -28,6 +28,7 @@ def framing_camera(bounds: tuple[np.ndarray, np.ndarray], up_axis: str) -> Camer
     near = lens.clippingRange.min
     if distance < near:
         distance += near
+    distance = float(distance)
     transform = np.eye(4)
     if up_axis == "Y":
         transform[3, :3] = center + np.array([0.0, 0.0, distance])

@@ -144,6 +144,8 @@ def _primvar_names(node: object) -> Iterator[str]:
     """The primvars of all inputs below a dataclass of the scene description."""
     if isinstance(node, (TextureInput, PrimvarInput)):
         yield node.primvar
+    if isinstance(getattr(node, "roughness", None), tuple):
+        yield "st"  # anisotropy runs along it
     if isinstance(node, tuple):
         for item in node:
             yield from _primvar_names(item)

@@ -25,6 +25,7 @@ from usdmlt.scene import (
     Mix,
     Multiply,
     TextureInput,
+    Translucent,
     UniformEmission,
 )
 from usdmlt.stage.networks import Kind, Networks, Unusable, node_id
@@ -127,6 +128,14 @@ def _diffuse(graph: Graph, shader: UsdShade.Shader) -> Closure:
     )
 
 
+def _translucent(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    _note_shared(graph, shader)
+    return Translucent(
+        color=graph.input(shader, "color", WHITE, "color"),
+        weight=graph.input(shader, "weight", 1.0, "float"),
+    )
+
+
 def _dielectric(graph: Graph, shader: UsdShade.Shader) -> Closure:
     _note_shared(graph, shader)
     return Dielectric(
@@ -202,6 +211,7 @@ def _multiply_by_color(graph: Graph, shader: UsdShade.Shader) -> Closure:
 
 CLOSURES: dict[str, Callable[[Graph, UsdShade.Shader], Closure]] = {
     "ND_oren_nayar_diffuse_bsdf": _diffuse,
+    "ND_translucent_bsdf": _translucent,
     "ND_dielectric_bsdf": _dielectric,
     "ND_conductor_bsdf": _conductor,
     "ND_generalized_schlick_bsdf": _generalized_schlick,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import re
 from collections.abc import Iterable, Iterator
@@ -119,6 +120,8 @@ def time_code(stage: Usd.Stage, frame: float | None) -> Usd.TimeCode:
     """The time to read at: the frame; else the stage's start, if it has one, as usdrecord does;
     else the earliest samples."""
     if frame is not None:
+        if not math.isfinite(frame):
+            raise UsageError(f"frame must be a number, not {frame}")
         return Usd.TimeCode(float(frame))
     if stage.HasAuthoredMetadata("startTimeCode"):
         return Usd.TimeCode(stage.GetStartTimeCode())

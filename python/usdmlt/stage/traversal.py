@@ -57,7 +57,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Kind:
+class PrimKind:
     """What a prim type means to the walk."""
 
     role: str  # "mesh", "gprim", "light", "instancer", "skeleton root", "unsupported", ""
@@ -76,7 +76,7 @@ class Traversal:
         self.skinning = skinning
         self.report = report
         self.xforms = UsdGeom.XformCache(time)
-        self._kinds: dict[str, Kind] = {}
+        self._kinds: dict[str, PrimKind] = {}
 
     def walk(
         self,
@@ -103,6 +103,8 @@ class Traversal:
             if prim.IsInstance():
                 group.instances.append(Placed(prim, "", transform, purpose))
                 continue
+            if prim.IsModel() and prim.HasAPI(UsdGeom.ModelAPI):
+                self._warn_of_draw_mode(prim)
             if kind.role and (purpose in self.purposes or kind.role == "instancer"):
                 self._sort(group, prim, kind, transform, purpose)
             if kind.descend:
@@ -110,7 +112,7 @@ class Traversal:
                 stack.extend((child, transform, purpose) for child in reversed(children))
 
     def _sort(
-        self, group: Group, prim: Usd.Prim, kind: Kind, transform: Gf.Matrix4d, purpose: str
+        self, group: Group, prim: Usd.Prim, kind: PrimKind, transform: Gf.Matrix4d, purpose: str
     ) -> None:
         placed = Placed(prim, kind.name, transform, purpose)
         if kind.role in ("mesh", "gprim"):
@@ -125,24 +127,27 @@ class Traversal:
             self.skinning.add_root(prim)
         elif kind.role == "unsupported":
             self.report.warn(f"{kind.name} prims are not rendered", prim.GetPath())
-        if kind.role != "light" and prim.HasAPI(UsdGeom.ModelAPI):
-            mode = UsdGeom.ModelAPI(prim).ComputeModelDrawMode()
-            if mode in (UsdGeom.Tokens.cards, UsdGeom.Tokens.bounds, UsdGeom.Tokens.origin):
-                self.report.warn("draw modes are ignored, the geometry is rendered", prim.GetPath())
 
-    def _kind(self, prim: Usd.Prim) -> Kind:
+    def _warn_of_draw_mode(self, prim: Usd.Prim) -> None:
+        """Models may ask to be drawn as cards or boxes (UsdGeomModelAPI)."""
+        model = UsdGeom.ModelAPI(prim)
+        applies = model.GetModelApplyDrawModeAttr().Get() or prim.IsComponent()
+        if applies and model.ComputeModelDrawMode() not in ("default", "inherited"):
+            self.report.warn("draw modes are ignored, the geometry is rendered", prim.GetPath())
+
+    def _kind(self, prim: Usd.Prim) -> PrimKind:
         name = prim.GetTypeName()
         if name not in self._kinds:
             self._kinds[name] = _classify(prim, str(name))
         return self._kinds[name]
 
 
-def _classify(prim: Usd.Prim, name: str) -> Kind:
+def _classify(prim: Usd.Prim, name: str) -> PrimKind:
     """What prims of a type are to the walk, decided once per type."""
     imageable, xformable = prim.IsA(UsdGeom.Imageable), prim.IsA(UsdGeom.Xformable)
 
-    def kind(role: str, descend: bool = True) -> Kind:
-        return Kind(role, name, imageable, xformable, descend)
+    def kind(role: str, descend: bool = True) -> PrimKind:
+        return PrimKind(role, name, imageable, xformable, descend)
 
     if prim.IsA(UsdGeom.Mesh):
         return kind("mesh")
