@@ -16,10 +16,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from usdmlt import __version__
-from usdmlt.cli import doctor, inspect, render
+from usdmlt.cli import bench, doctor, inspect, render
 from usdmlt.cli.logs import configure_logging
 
-SUBCOMMANDS = (render, inspect, doctor)
+SUBCOMMANDS = (render, inspect, bench, doctor)
 
 
 class Parser(argparse.ArgumentParser):

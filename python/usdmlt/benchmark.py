@@ -1,0 +1,123 @@
+"""What the integrators do per second of processor time, beside Embree alone and Mitsuba 3.
+
+Equal-time error: renders of independent seeds of one integrator differ by its noise alone, so
+
+    relMSE = mean((a - b)^2 / 2 / (m^2 + 0.01)),
+
+over pairs of pictures (a, b) scaled to mean 1 and their common mean m, needs no reference. It falls
+as 1/time: relMSE times seconds is the figure of merit, and lower is better.
+"""
+
+from __future__ import annotations
+
+import itertools
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from usdmlt import native
+from usdmlt.settings import Settings
+
+if TYPE_CHECKING:
+    from usdmlt.scene import Scene
+
+SEEDS = 4
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One row: rates per second of processor time; None where a renderer does not tell."""
+
+    renderer: str
+    samples_per_second: float
+    rays_per_second: float | None
+    embree_rays_per_second: float | None  # Embree alone, replaying the render's own rays
+    rel_mse_seconds: float
+    mean: float
+
+
+def measure(scene: Scene, integrator: str, samples: int, depth: int) -> Measurement:
+    """Render a scene :data:`SEEDS` times on one thread."""
+    core_scene = native.build_scene(scene, "avx2")
+    pictures = []
+    totals = {"samples": 0.0, "rays": 0.0, "cpu_seconds": 0.0}
+    for seed in range(SEEDS):
+        settings = Settings(
+            integrator=integrator,  # type: ignore[arg-type]
+            samples=samples,
+            depth=depth,
+            seed=seed,
+            threads=1,
+            filter="box",
+        )
+        render = native.plan_render(core_scene, settings)
+        render.run(render.units_total, threads=1)
+        stats = render.stats()
+        for key in totals:
+            totals[key] += stats[key]
+        pictures.append(render.image()[..., :3])
+    embree = render.replay_rays_per_cpu_second(1_000_000)
+    seconds = totals["cpu_seconds"]
+    return Measurement(
+        integrator,
+        totals["samples"] / seconds,
+        totals["rays"] / seconds,
+        embree,
+        rel_mse(pictures) * seconds / SEEDS,
+        float(np.mean(pictures)),
+    )
+
+
+def measure_mitsuba(scene: Scene, samples: int, depth: int) -> Iterator[Measurement | str]:
+    """Mitsuba 3's path integrator in each variant that runs here; a line where one does not."""
+    try:
+        import mitsuba as mi
+    except ImportError:
+        yield "Mitsuba 3 is not installed"
+        return
+    from usdmlt.testing import mitsuba as bridge
+
+    for variant in ("scalar_rgb", "llvm_ad_rgb"):
+        try:
+            mi.set_variant(variant)
+            with tempfile.TemporaryDirectory() as folder:
+                loaded = bridge.load(mi, scene, Path(folder), depth)
+                np.array(
+                    mi.render(loaded, spp=1, seed=SEEDS)
+                )  # compiles, where there is a compiler
+                start = process_time()
+                pictures = [
+                    np.array(mi.render(loaded, spp=samples, seed=seed)) for seed in range(SEEDS)
+                ]
+                seconds = process_time() - start
+        except bridge.Untranslated as error:
+            yield f"Mitsuba 3: the scene is not translated: {error}"
+            return
+        except (ImportError, RuntimeError) as error:
+            yield f"Mitsuba 3 {variant} does not run here: {str(error).splitlines()[0]}"
+            continue
+        count = SEEDS * samples * scene.width * scene.height
+        yield Measurement(
+            f"Mitsuba 3 path, {variant}",
+            count / seconds,
+            None,
+            None,
+            rel_mse(pictures) * seconds / SEEDS,
+            float(np.mean(pictures)),
+        )
+
+
+def rel_mse(pictures: list[Any]) -> float:
+    """Relative mean squared error of one picture, from independent ones; see the module."""
+    scaled = [np.asarray(p, np.float64) / np.mean(p) for p in pictures]
+    reference = np.mean(scaled, axis=0)
+    errors = [
+        np.mean((a - b) ** 2 / 2 / (reference**2 + 0.01))
+        for a, b in itertools.combinations(scaled, 2)
+    ]
+    return float(np.mean(errors))
