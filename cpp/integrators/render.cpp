@@ -69,7 +69,9 @@ Render::Render(std::shared_ptr<const Scene> scene, const Settings& settings)
       tiles_(scene_->camera.width, scene_->camera.height),
       film_(scene_->camera.width, scene_->camera.height, film_scale(*scene_, settings),
             settings.integrator == IntegratorKind::bidirectional),
-      statistics_(settings.depth) {}
+      statistics_(settings.depth) {
+    settings_.background = settings.background && scene_->background;
+}
 
 int64_t Render::run(int64_t last, const RunLimits& limits) {
     const auto start = std::chrono::steady_clock::now();

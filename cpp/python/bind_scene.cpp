@@ -233,6 +233,7 @@ std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& e
     scene->camera = make_camera(source.attr("camera"), origin, py::cast<int>(source.attr("width")),
                                 py::cast<int>(source.attr("height")));
     scene->exposure = py::cast<double>(source.attr("camera").attr("exposure"));
+    scene->background = py::cast<bool>(source.attr("background"));
     scene->lights = lights_from_python(py::cast<py::list>(source.attr("lights")), origin,
                                        scene->materials.textures);
     {

@@ -24,7 +24,8 @@ struct Scene {
     Materials materials;
     Lights lights;
     Camera camera;
-    double exposure = 1;  // multiplies the developed image
+    double exposure = 1;     // multiplies the developed image
+    bool background = true;  // the camera sees environments directly
 
     std::unique_ptr<Acceleration> acceleration;
     bool all_opaque = true;

@@ -387,7 +387,10 @@ class Camera:
 
 @dataclass
 class Scene:
-    """Everything a render needs. ``width`` and ``height`` are pixels."""
+    """Everything a render needs. ``width`` and ``height`` are pixels.
+
+    ``background``: whether the camera sees domes and distant lights directly.
+    """
 
     camera: Camera = field(default_factory=Camera)
     width: int = 256
@@ -398,5 +401,6 @@ class Scene:
     materials: list[Material] = field(default_factory=list)
     textures: list[Texture] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
+    background: bool = True
     color_space: str = "lin_rec709_scene"
     metadata: dict[str, object] = field(default_factory=dict)

@@ -141,10 +141,12 @@ def _read_content(
         group.scene_lights = [lights.read(p.prim, p.kind, p.matrix) for p in group.lights]
 
     meshes, prototypes, instances, placed_lights = flatten(world)
-    if not placed_lights and not any(emits(material) for material in materials.materials):
+    lit = placed_lights or any(emits(material) for material in materials.materials)
+    if not lit:
         report.note("the stage has no lights: a white dome lights it")
         placed_lights.append(default_dome())
     return Scene(
+        background=bool(lit),  # white objects before a white dome could not be seen
         meshes=meshes,
         prototypes=prototypes,
         instances=instances,
