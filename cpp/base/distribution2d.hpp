@@ -1,9 +1,9 @@
 // A density on the unit square from a grid of weights, sampled by descending a pyramid of sums.
 //
-// Each step chooses among four children with weights relative to their own sum, so that dim cells
-// beside very bright ones keep their full precision in float (a cumulative sum would lose them),
-// and the four lie in one cache line. Stratification of both numbers is kept (Clarberg et al. 2005,
-// McCool & Harwood 1997).
+// A node has 4×4 children, one cache line of floats. Each step chooses among them by weights
+// relative to their own sum, so that dim cells beside very bright ones keep their full precision in
+// float (a cumulative sum over a row would lose them). Both numbers keep their stratification
+// (McCool & Harwood 1997; Clarberg et al. 2005).
 #pragma once
 
 #include <algorithm>
@@ -25,20 +25,17 @@ public:
 
     Distribution2D() = default;
 
-    // weight(x, y) ≥ 0 for x < width, y < height.
+    // weight(x, y) ≥ 0 for x < width, y < height; called once for each.
     template <typename Weight>
     Distribution2D(uint32_t width, uint32_t height, const Weight& weight) {
-        levels_.reserve(33);  // references to levels stay valid
+        levels_.reserve(17);  // references to levels stay valid
         add_level(width, height, weight);
-        while (size_t(levels_.back().blocks_x) * levels_.back().blocks_y > 1) {
+        while (levels_.back().nodes.size() > 1) {
             const Level& below = levels_.back();
-            add_level(below.blocks_x, below.blocks_y, [&](uint32_t x, uint32_t y) {
-                const float* c = below.block(x, y);
-                return (c[0] + c[1]) + (c[2] + c[3]);
-            });
+            add_level(below.columns, below.rows,
+                      [&](uint32_t x, uint32_t y) { return below.node(x, y).sum(); });
         }
-        const float* root = levels_.back().block(0, 0);
-        total_ = (double(root[0]) + root[1]) + (double(root[2]) + root[3]);
+        total_ = levels_.back().nodes[0].sum();
     }
 
     bool empty() const { return !(total_ > 0); }
@@ -46,49 +43,67 @@ public:
 
     // Never a cell of weight zero. Not to be called when empty.
     Cell sample(double u, double v) const {
-        // u and v are kept as fractions of the weight of the node that is descended.
+        // u and v are carried as shares of the weight that is left to descend.
         Cell cell;
-        double node = total_, x = u * node, y = v * node;
+        double weight = total_, x = u * weight, y = v * weight;
         for (size_t i = levels_.size(); i-- > 0;) {
-            const float* c = levels_[i].block(cell.x, cell.y);
-            const double top = double(c[0]) + c[1], bottom = double(c[2]) + c[3];
-            const bool down = y >= top && bottom > 0;
-            const double row = down ? bottom : top;
-            if (down) y -= top;
-            x *= row / node;
-            const double left = c[2 * down], right = c[2 * down + 1];
-            const bool across = x >= left && right > 0;
-            node = across ? right : left;
-            if (across) x -= left;
-            y *= node / row;
-            cell.x = 2 * cell.x + across;
-            cell.y = 2 * cell.y + down;
+            const Node& node = levels_[i].node(cell.x, cell.y);
+            double rows[4];
+            for (int j = 0; j < 4; ++j) rows[j] = node.row_sum(j);
+            const int j = choose(rows, y);
+            x *= rows[j] / weight;
+            const int k = choose(node.weights[j], x);
+            weight = node.weights[j][k];
+            y *= weight / rows[j];
+            cell.x = 4 * cell.x + k;
+            cell.y = 4 * cell.y + j;
         }
-        cell.u = std::clamp(x / node, 0.0, 1 - 0x1p-53);
-        cell.v = std::clamp(y / node, 0.0, 1 - 0x1p-53);
-        cell.probability = node / total_;
+        cell.u = std::clamp(x / weight, 0.0, 1 - 0x1p-53);
+        cell.v = std::clamp(y / weight, 0.0, 1 - 0x1p-53);
+        cell.probability = weight / total_;
         return cell;
     }
 
 private:
-    struct Level {
-        uint32_t blocks_x = 0, blocks_y = 0;
-        std::vector<float> weights;  // blocks of 2×2: [y][x][2·(y&1) + (x&1)]
-        const float* block(uint32_t x, uint32_t y) const {
-            return weights.data() + 4 * (size_t(y) * blocks_x + x);
+    struct alignas(64) Node {
+        float weights[4][4] = {};
+        double row_sum(int j) const {
+            const float* w = weights[j];
+            return (double(w[0]) + w[1]) + (double(w[2]) + w[3]);
         }
+        double sum() const { return (row_sum(0) + row_sum(1)) + (row_sum(2) + row_sum(3)); }
+    };
+    struct Level {
+        uint32_t columns = 0, rows = 0;
+        std::vector<Node> nodes;
+        const Node& node(uint32_t x, uint32_t y) const { return nodes[size_t(y) * columns + x]; }
     };
 
     template <typename Weight>
     void add_level(uint32_t width, uint32_t height, const Weight& weight) {
-        Level level{(width + 1) / 2, (height + 1) / 2, {}};
-        level.weights.assign(4 * size_t(level.blocks_x) * level.blocks_y, 0.0f);
+        Level level{(width + 3) / 4, (height + 3) / 4, {}};
+        level.nodes.resize(size_t(level.columns) * level.rows);
         for (uint32_t y = 0; y < height; ++y)
             for (uint32_t x = 0; x < width; ++x)
-                level
-                    .weights[4 * (size_t(y / 2) * level.blocks_x + x / 2) + 2 * (y & 1) + (x & 1)] =
+                level.nodes[size_t(y / 4) * level.columns + x / 4].weights[y % 4][x % 4] =
                     static_cast<float>(weight(x, y));
         levels_.push_back(std::move(level));
+    }
+
+    // The interval of positive weight that x is in; x becomes its offset in there.
+    template <typename Real>
+    static int choose(const Real* weights, double& x) {
+        int chosen = 0;
+        double start = 0, sum = 0;
+        for (int i = 0; i < 4; ++i) {
+            if (x >= sum && weights[i] > 0) {
+                chosen = i;
+                start = sum;
+            }
+            sum += weights[i];
+        }
+        x -= start;
+        return chosen;
     }
 
     std::vector<Level> levels_;

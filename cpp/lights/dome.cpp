@@ -58,18 +58,21 @@ Spectrum vertex_color(const DomeLight& light, int column, int row) {
     return {t[0], t[1], t[2]};
 }
 
+float weight(const DomeLight& light, const Spectrum& color, int row) {
+    return static_cast<float>(importance(light.radiance * color)) * light.row_sine[row];
+}
+
 float vertex_weight(const DomeLight& light, int column, int row) {
-    const Spectrum color = light.radiance * vertex_color(light, column, row);
-    return static_cast<float>(importance(color)) * light.row_sine[row];
+    return weight(light, vertex_color(light, column, row), row);
 }
 
 // In dome space: density over (s, t) ∝ the interpolated weights; dω = 2π² sinθ ds dt.
 double pdf_local(const DomeLight& light, Vec3f d) {
     const Place place(light, d);
     if (!(place.sin_theta > 0)) return 0;
-    const float weight =
+    const float interpolated =
         place.interpolate([&](int column, int row) { return vertex_weight(light, column, row); });
-    return weight / (light.cells.total() * 2 * sqr(pi_d) * place.sin_theta);
+    return interpolated / (light.cells.total() * 2 * sqr(pi_d) * place.sin_theta);
 }
 
 Vec3f sample_local(const DomeLight& light, Vec2f u) {
@@ -105,19 +108,21 @@ DomeLight::DomeLight(const Affine3f& transform, const Spectrum& radiance, const 
     if (!texture) return;
 
     const int w = texture->width, h = texture->height;
-    for (int row = 0; row <= h + 1; ++row)
-        row_sine.push_back(static_cast<float>(std::sin(row_theta(row, h))));
+    row_sine.assign(h + 2, 0.0f);
+    for (int row = 1; row <= h; ++row)
+        row_sine[row] = static_cast<float>(std::sin(row_theta(row, h)));
+    std::vector<float> weights(size_t(w) * (h + 2), 0.0f);
     double sum[3] = {0, 0, 0};
-    std::vector<float> weights(size_t(w) * (h + 2));
-    for (int row = 0; row <= h + 1; ++row)
+    for (int row = 1; row <= h; ++row) {
+        // A texel's share of the sphere.
+        const double share =
+            (std::cos((row - 1) * pi_d / h) - std::cos(row * pi_d / h)) / (2.0 * w);
         for (int column = 0; column < w; ++column) {
-            weights[size_t(row) * w + column] = vertex_weight(*this, column, row);
-            // Texels in proportion to their rows' solid angle.
-            if (row == 0 || row > h) continue;
-            const double solid_angle = std::cos((row - 1) * pi_d / h) - std::cos(row * pi_d / h);
             const Spectrum color = vertex_color(*this, column, row);
-            for (int i = 0; i < 3; ++i) sum[i] += color[i] * solid_angle / (2.0 * w);
+            weights[size_t(row) * w + column] = weight(*this, color, row);
+            for (int i = 0; i < 3; ++i) sum[i] += color[i] * share;
         }
+    }
     average = Spectrum(static_cast<float>(sum[0]), static_cast<float>(sum[1]),
                        static_cast<float>(sum[2]));
     cells = Distribution2D(w, h + 1, [&](uint32_t x, uint32_t y) {

@@ -38,38 +38,40 @@ double stretch(const SphereLight& light, Vec3d n) {
 // The unit sphere as seen from a point p outside: a cone with sinθmax = 1/|p|.
 struct Cap {
     Vec3d p;
-    double distance, sin_max, one_minus_cos_max;
+    double distance2, distance, one_minus_cos_max;
 
     Cap(const SphereLight& light, Vec3f reference)
-        : p(to_unit(light, to_double(reference) - to_double(light.from_unit.origin))) {
-        distance = length(p);
-        sin_max = 1 / distance;
-        one_minus_cos_max = sqr(sin_max) / (1 + std::sqrt(std::max(1 - sqr(sin_max), 0.0)));
+        : p(to_unit(light, to_double(reference) - to_double(light.from_unit.origin))),
+          distance2(dot(p, p)),
+          distance(std::sqrt(distance2)) {
+        const double sin2_max = 1 / distance2;
+        one_minus_cos_max = sin2_max / (1 + std::sqrt(std::max(1 - sin2_max, 0.0)));
     }
 
-    bool visible() const { return distance > 1; }
+    bool visible() const { return distance2 > 1; }
 
-    // The point n of the sphere where the ray at angle θ to the axis enters, at angle α from the
-    // axis as seen from the centre; 1 − cosθ uniform.
+    // The point of the sphere where the ray at angle θ to the axis enters, at angle α from the axis
+    // as seen from the centre; 1 − cosθ uniform. With D = |p| and h = √(1 − D² sin²θ),
+    // cosα = D sin²θ + h cosθ and sinα = sinθ (D cosθ − h).
     Vec3f sample(Vec2f u) const {
-        const double t = u.x * one_minus_cos_max, cos_theta = 1 - t;
-        const double sin2_theta = t * (2 - t);
-        const double half_chord = std::sqrt(std::max(1 - sin2_theta / sqr(sin_max), 0.0));
-        const double cos_alpha = sin2_theta / sin_max + cos_theta * half_chord;
+        const double t = u.x * one_minus_cos_max, cos_theta = 1 - t, sin2_theta = t * (2 - t);
+        const double half_chord = std::sqrt(std::max(1 - distance2 * sin2_theta, 0.0));
+        const double cos_alpha = distance * sin2_theta + cos_theta * half_chord;
         const double sin_alpha =
             std::sqrt(sin2_theta) * std::max(distance * cos_theta - half_chord, 0.0);
         const auto r = static_cast<float>(sin_alpha);
         const float phi = 2 * pi * u.y;
-        const Vec3f axis = to_float(p * sin_max);
-        return normalize(Frame::from_normal(axis).to_world(
-            {r * std::cos(phi), r * std::sin(phi), static_cast<float>(cos_alpha)}));
+        const Frame frame = Frame::from_normal(to_float(p * (1 / distance)));
+        return frame.to_world(
+            {r * std::cos(phi), r * std::sin(phi), static_cast<float>(cos_alpha)});
     }
 
     // cosθ / (Ω d²) at n, per area of the unit sphere.
     double pdf(Vec3d n) const {
-        const double d = length(p - n), cosine_times_d = dot(p, n) - 1;
+        const Vec3d to_p = p - n;
+        const double d2 = dot(to_p, to_p), cosine_times_d = dot(to_p, n);
         const double solid_angle = 2 * std::numbers::pi * one_minus_cos_max;
-        return cosine_times_d > 0 ? cosine_times_d / (solid_angle * d * d * d) : 0;
+        return cosine_times_d > 0 ? cosine_times_d / (solid_angle * d2 * std::sqrt(d2)) : 0;
     }
 };
 
