@@ -206,14 +206,18 @@ def render(
 def truncated_fraction(energies: Sequence[float]) -> float:
     """An estimate of the share of the light on paths longer than the depth limit.
 
-    ``energies``: mean luminance by number of edges, from 0 to the limit. Beyond it the decay over
-    the last four lengths is continued as a geometric series; with fewer lengths it says 0.
+    ``energies``: mean luminance by number of edges, from 0 to the limit. Beyond it the decay is
+    continued as a geometric series: that from the second third of the lengths to the last third,
+    which is many lengths where there are many, as single ones are noisy. Below five edges it is 0.
     """
-    total = sum(energies)
-    last, before = sum(energies[-2:]), sum(energies[-4:-2])
-    if len(energies) < 6 or not total > 0 or not before > 0:
+    if len(energies) < 6:
         return 0.0
-    ratio = min(last / before, 0.999)
+    third = max((len(energies) - 2) // 3, 2)
+    last, before = sum(energies[-third:]), sum(energies[-2 * third : -third])
+    total = sum(energies)
+    if not total > 0 or not before > 0:
+        return 0.0
+    ratio = min(last / before, 0.99)
     tail = last * ratio / (1.0 - ratio)
     return tail / (total + tail)
 
