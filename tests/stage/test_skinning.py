@@ -95,6 +95,14 @@ def test_the_rest_pose_differs_so_the_comparison_means_something(write):
     assert np.abs(first - second).max() > 0.1
 
 
+def test_the_automatic_camera_frames_the_skinned_points(write):
+    scene = load(write(SKINNED.replace("SHAPES", "")), frame=3)
+    mesh, lens = scene.meshes[0], scene.camera.transform
+    points = mesh.points @ mesh.transform[:3, :3] + mesh.transform[3, :3]
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    assert lens[3, :2] == pytest.approx(middle[:2], abs=1e-5)
+
+
 def test_the_stage_is_not_edited(write):
     stage = Usd.Stage.Open(str(write(SKINNED.replace("SHAPES", SHAPES))))
     before = stage.ExportToString()

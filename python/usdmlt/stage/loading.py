@@ -106,10 +106,11 @@ def read_stage(
         time = time_code(opened, frame)
         settings = read_render_settings(opened, time, report)
         shown = _purposes(purposes, settings)
-        scene = _read_content(opened, time, shown, settings, colors, report)
+        skinning = Skinning(time)
+        scene = _read_content(opened, time, shown, settings, colors, skinning, report)
         found, reason = find_camera(opened, camera, settings, report)
         if found is None:
-            scene.camera = _frame_everything(opened, time, shown, scene)
+            scene.camera = _frame_everything(opened, time, shown, scene, skinning)
         else:
             scene.camera = read_camera(found, time, report)
         scene.width, scene.height = resolve_size(scene.camera, settings, width, height)
@@ -124,12 +125,12 @@ def _read_content(
     purposes: tuple[str, ...],
     settings: RenderSettings,
     colors: ColorSpaces,
+    skinning: Skinning,
     report: Report,
 ) -> Scene:
     """Geometry, materials, textures and lights."""
     textures = Textures(time, colors, report)
     materials = Materials(Networks(time, colors, textures, report), report)
-    skinning = Skinning(time)
     traversal = Traversal(time, purposes, skinning, report)
     instancing = Instancing(stage, traversal, settings.material_purpose, report)
     world = instancing.collect()
@@ -158,11 +159,15 @@ def _read_content(
 
 
 def _frame_everything(
-    stage: Usd.Stage, time: Usd.TimeCode, purposes: tuple[str, ...], scene: Scene
+    stage: Usd.Stage,
+    time: Usd.TimeCode,
+    purposes: tuple[str, ...],
+    scene: Scene,
+    skinning: Skinning,
 ) -> Camera:
     """The camera of a stage without one: frames the authored bounds, or, where they are empty or
-    wrong, what was read."""
-    bounds = stage_bounds(stage, time, purposes)
+    wrong, what was read. Skinned meshes are where they were read: USD bounds their joints only."""
+    bounds = None if skinning.has_skins else stage_bounds(stage, time, purposes)
     if bounds is None:
         bounds = scene_bounds(scene.meshes, scene.prototypes, scene.instances)
     if bounds is None:

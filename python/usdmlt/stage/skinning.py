@@ -7,10 +7,11 @@ from pxr import Usd, UsdSkel, Vt
 
 
 class Skinning:
-    """Knows the skeletons of the skeleton roots met so far."""
+    """Knows the skeletons of the skeleton roots met so far, and whether anything was skinned."""
 
     def __init__(self, time: Usd.TimeCode):
         self.time = time
+        self.has_skins = False
         self._cache = UsdSkel.Cache()
 
     def add_root(self, prim: Usd.Prim) -> None:
@@ -33,6 +34,7 @@ class Skinning:
         if query.HasJointInfluences():
             transforms = skeleton_query.ComputeSkinningTransforms(self.time)
             if query.ComputeSkinnedPoints(transforms, deformed, self.time):
+                self.has_skins = True
                 skin = Skin(skeleton.GetPrim(), query, transforms, self.time)
         return np.array(deformed, dtype=np.float32), skin
 
