@@ -215,9 +215,10 @@ public:
                    Component component) const {
         const Directions k(known), s(sampled);
         require_same_length(k.size(), s.size());
+        const Known known_role = role_from_python(role);
         FloatArray densities(k.size());
         for (py::ssize_t i = 0; i < k.size(); ++i)
-            densities.mutable_at(i) = closure_.pdf(k[i], s[i], role_from_python(role), component);
+            densities.mutable_at(i) = closure_.pdf(k[i], s[i], known_role, component);
         return densities;
     }
 
@@ -230,9 +231,10 @@ public:
         FloatArray directions({n, py::ssize_t(3)}), values({n, py::ssize_t(3)}), densities(n);
         py::array_t<uint8_t> components(n);
         py::array_t<bool> valid(n);
+        const Known known_role = role_from_python(role);
         for (py::ssize_t i = 0; i < n; ++i) {
             ClosureSample s;
-            valid.mutable_at(i) = closure_.sample(k[i], role_from_python(role), u_lobe.data()[i],
+            valid.mutable_at(i) = closure_.sample(k[i], known_role, u_lobe.data()[i],
                                                   {u.data()[2 * i], u.data()[2 * i + 1]}, s);
             const float d[3] = {s.direction.x, s.direction.y, s.direction.z};
             for (int c = 0; c < 3; ++c) {
