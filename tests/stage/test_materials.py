@@ -232,6 +232,14 @@ def test_connections_to_nothing_give_the_authored_value_or_the_default(material,
     assert any("connected to nothing" in w.kind and len(w.paths) == 2 for w in found.warnings)
 
 
+def test_plain_inputs_of_the_wrong_type_are_ignored_with_a_warning(material, examine):
+    inputs = 'string inputs:opacityThreshold = "half"\nstring inputs:useSpecularWorkflow = "no"'
+    found = material(inputs)
+    assert (found.opacity_threshold, found.closure.useSpecularWorkflow) == (0, 0)
+    warnings = examine(MATERIAL.replace("INPUTS", inputs).replace("NODES", "")).warnings
+    assert any("wrong type" in w.kind and w.paths == ["/M/s"] for w in warnings)
+
+
 def test_not_finite_inputs_are_an_error_with_their_path(material):
     with pytest.raises(Error, match=r"/M/s\.inputs:roughness: not a finite value"):
         material("float inputs:roughness = nan")

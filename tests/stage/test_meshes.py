@@ -189,8 +189,9 @@ def test_meshes_without_material_show_their_display_color(read):
     assert (at_corners(mesh.primvars["displayOpacity"], mesh) == 0.5).all()
 
 
-def test_meshes_without_display_opacity_are_opaque(read):
-    scene = read('def Mesh "m" { QUAD }')
+@pytest.mark.parametrize("opacity", ["", "float[] primvars:displayOpacity = [1]"])
+def test_meshes_that_are_opaque_have_an_opaque_material(read, opacity):
+    scene = read(f'def Mesh "m" {{ QUAD {opacity} }}')
     assert scene.materials[scene.meshes[0].materials].opacity == 1.0
 
 

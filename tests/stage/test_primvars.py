@@ -76,6 +76,19 @@ def test_primvars_of_the_wrong_length_are_ignored_with_a_warning(examine):
     assert warning.paths == ["/m.primvars:displayColor (2 vertex)"]
 
 
+def test_values_that_are_not_finite_are_read_as_0_with_a_warning(only_mesh, examine):
+    body = f"""def Mesh "m" {{ {MESH}
+        color3f[] primvars:displayColor = [(nan, 0.5, inf)] ( interpolation = "constant" ) }}"""
+    assert values_at_corners(only_mesh(body))[0, 0].tolist() == [0, 0.5, 0]
+    assert any(w.paths == ["/m.primvars:displayColor"] for w in examine(body).warnings)
+
+
+def test_a_single_value_is_a_constant(only_mesh):
+    mesh = only_mesh(f"""def Mesh "m" {{ {MESH}
+        color3f primvars:displayColor = (0.25, 0.5, 0.75) }}""")
+    assert (values_at_corners(mesh) == (0.25, 0.5, 0.75)).all()
+
+
 @pytest.mark.parametrize("type_name", ["texCoord2f", "float2", "texCoord2d", "half2", "texCoord3f"])
 def test_texture_coordinates_may_have_any_precision_and_width(only_mesh, type_name):
     text = "[(0.5, 0.25, 1)]" if "3" in type_name else "[(0.5, 0.25)]"

@@ -10,6 +10,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Camera
+from usdmlt.stage.numbers import finite_number
 from usdmlt.stage.render_settings import RenderSettings
 from usdmlt.stage.transforms import singular
 
@@ -79,10 +80,7 @@ def read_camera(camera: UsdGeom.Camera, time: Usd.TimeCode, report: Report) -> C
         raise Error(f"{path}: the camera's transform is singular")
 
     def number(attribute: Usd.Attribute) -> float:
-        value = attribute.Get(time)
-        if value is None or not math.isfinite(value):
-            raise Error(f"{path}: {attribute.GetName()} is {value}, not a number")
-        return float(value)
+        return finite_number(camera.GetPrim(), attribute.GetName(), attribute.Get(time))
 
     focal_length = GF_UNIT * number(camera.GetFocalLengthAttr())
     width = GF_UNIT * number(camera.GetHorizontalApertureAttr())

@@ -118,7 +118,8 @@ class GeometryReader:
         index = None if material is None else self.materials.index(material)
         if index is None:
             opacity = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayOpacity")
-            index = self.materials.fallback(bool(opacity) and opacity.HasAuthoredValue())
+            values = opacity.Get(self.time) if opacity else None
+            index = self.materials.fallback(values is not None and bool(np.any(np.less(values, 1))))
         return index
 
     def _subsets(self, prim: Usd.Prim, default: int) -> list[tuple[Usd.Prim, np.ndarray, int]]:

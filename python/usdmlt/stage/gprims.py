@@ -16,6 +16,7 @@ from pxr import Usd, UsdGeom
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Mesh, Primvar
+from usdmlt.stage.numbers import finite_number
 from usdmlt.stage.primvars import Topology
 
 AROUND = 96  # segments around the axis
@@ -203,10 +204,10 @@ def plane(width: float, length: float, axis: str) -> Shape:
 
 
 def _get(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> float:
-    value = prim.GetAttribute(name).Get(time)
-    if not np.isfinite(value) or value < 0:
+    value = finite_number(prim, name, prim.GetAttribute(name).Get(time))
+    if value < 0:
         raise Error(f"{prim.GetPath()}: {name} is {value:g}; it must be a positive length")
-    return float(value)
+    return value
 
 
 def _along_axis(shape: Shape, axis: str) -> Shape:

@@ -17,6 +17,7 @@ from pxr import Usd, UsdLux
 from usdmlt import scene
 from usdmlt.errors import Error, Report
 from usdmlt.stage.color import DEFAULT, ColorSpaces
+from usdmlt.stage.numbers import finite_number
 from usdmlt.stage.textures import Textures
 
 # ---------------------------------------------------------------------------------------------
@@ -111,10 +112,7 @@ class LightReader:
 
     def number(self, prim: Usd.Prim, name: str) -> float:
         """A finite number."""
-        value = self.value(prim, name)
-        if value is None or not math.isfinite(value):
-            raise Error(f"{prim.GetPath()}: {name} is {value}, not a number")
-        return float(value)
+        return finite_number(prim, name, self.value(prim, name))
 
     def length(self, prim: Usd.Prim, name: str) -> float:
         """A size, which must be positive."""

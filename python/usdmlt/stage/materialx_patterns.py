@@ -55,10 +55,10 @@ def read_image(networks: Networks, source: Source, kind: Kind) -> Input | None:
 
 def _tiling(networks: Networks, shader: UsdShade.Shader) -> np.ndarray:
     """(3, 3) of ND_tiledimage: texture coordinates are ``st * uvtiling - uvoffset``."""
-    tiling = networks.value(shader, "uvtiling", (1.0, 1.0))
-    offset = networks.value(shader, "uvoffset", (0.0, 0.0))
-    result = np.diag([float(tiling[0]), float(tiling[1]), 1.0])
-    result[:2, 2] = (-float(offset[0]), -float(offset[1]))
+    tiling = networks.numbers(shader, "uvtiling", (1.0, 1.0))
+    offset = networks.numbers(shader, "uvoffset", (0.0, 0.0))
+    result = np.diag([*tiling, 1.0])
+    result[:2, 2] = (-offset[0], -offset[1])
     return result
 
 

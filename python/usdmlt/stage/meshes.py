@@ -113,8 +113,10 @@ def read_mesh(
     else:
         authored = authored_normals(mesh, topology, time, report)
         normals = authored and normals_at_corners(*authored, topology, points)
-    mesh_ = Mesh(points=points, triangles=topology.vertices, normals=normals, name=str(path))
-    return mesh_, topology
+    return (
+        Mesh(points=points, triangles=topology.vertices, normals=normals, name=str(path)),
+        topology,
+    )
 
 
 def face_materials(

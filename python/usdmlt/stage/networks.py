@@ -139,6 +139,26 @@ class Networks:
             return self.colors.color(numbers, attribute)
         return (float(numbers[0]), float(numbers[1]), float(numbers[2]))
 
+    def numbers(
+        self, shader: UsdShade.Shader, name: str, default: tuple[float, ...]
+    ) -> tuple[float, ...]:
+        """Plain numbers, as many as ``default`` has: one is repeated, missing ones are its own."""
+        value = self.value(shader, name, default)
+        try:
+            found = np.atleast_1d(np.asarray(value, dtype=np.float64)).ravel().tolist()
+        except (TypeError, ValueError):
+            found = []
+        if not found or not np.isfinite(found).all():
+            self.report.warn("shader inputs of the wrong type are ignored", shader.GetPath())
+            return default
+        if len(found) == 1:
+            found *= len(default)
+        return (*found, *default[len(found) :])[: len(default)]
+
+    def number(self, shader: UsdShade.Shader, name: str, default: float) -> float:
+        """One plain number."""
+        return self.numbers(shader, name, (default,))[0]
+
     def value(self, shader: UsdShade.Shader, name: str, default: Any) -> Any:
         """A plain value (a token, string, integer, asset); ``default`` if a node feeds it."""
         source = self.source(shader, name)

@@ -42,7 +42,8 @@ def open_stage(
         session = _open_layer(os.fspath(session_layer))
     population = Usd.StagePopulationMask.All()
     if mask is not None:
-        population = Usd.StagePopulationMask([_prim_path(path) for path in mask])
+        paths = [mask] if isinstance(mask, str) else mask
+        population = Usd.StagePopulationMask([_prim_path(path) for path in paths])
     try:
         return Usd.Stage.OpenMasked(root, session, context, population, Usd.Stage.LoadAll)
     except Tf.ErrorException as error:

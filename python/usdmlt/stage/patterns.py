@@ -24,7 +24,7 @@ def read_uv_texture(networks: Networks, source: Source, kind: Kind) -> Input:
     channel = source.output if source.output in CHANNELS else "rgb"
     if kind == "float" and channel == "rgb":
         channel = "r"
-    fallback = _four(networks.value(shader, "fallback", (0.0, 0.0, 0.0, 1.0)))
+    fallback = networks.numbers(shader, "fallback", (0.0, 0.0, 0.0, 1.0))
     file = networks.source(shader, "file")
     asset = file.attribute.Get(networks.time) if file and not file.shader else None
     # MaterialX's definition of the node repeats the image; USD's asks the file, or shows black.
@@ -45,8 +45,8 @@ def read_uv_texture(networks: Networks, source: Source, kind: Kind) -> Input:
         texture=texture,
         primvar=primvar,
         channel=channel,
-        scale=_four(networks.value(shader, "scale", (1.0,) * 4)),
-        bias=_four(networks.value(shader, "bias", (0.0,) * 4)),
+        scale=networks.numbers(shader, "scale", (1.0,) * 4),
+        bias=networks.numbers(shader, "bias", (0.0,) * 4),
         fallback=fallback,
         transform=transform,
     )
@@ -83,11 +83,6 @@ def read_primvar_node(networks: Networks, source: Source, kind: Kind) -> Input |
     if not name:
         return fallback
     return PrimvarInput(name, fallback)
-
-
-def _four(value) -> tuple[float, float, float, float]:
-    values = [float(v) for v in value]
-    return (*values, *(1.0,) * (4 - len(values)))[:4]
 
 
 NODES: dict[str, Callable[[Networks, Source, Kind], Input | None]] = {

@@ -29,13 +29,13 @@ def read_preview_surface(networks: Networks, shader: UsdShade.Shader) -> Materia
     refracts by ``ior``, as MaterialX and RenderMan render it.
     """
     closure = PreviewSurface(
-        useSpecularWorkflow=int(networks.value(shader, "useSpecularWorkflow", 0)),
+        useSpecularWorkflow=int(networks.number(shader, "useSpecularWorkflow", 0)),
         **{name: networks.read(shader, name, default, "color") for name, default in COLORS.items()},
         **{name: networks.read(shader, name, default, "float") for name, default in FLOATS.items()},
     )
     material = Material(closure, normal=_normal(networks, shader))
     opacity = networks.read(shader, "opacity", 1.0, "float")
-    threshold = float(networks.value(shader, "opacityThreshold", 0.0))
+    threshold = networks.number(shader, "opacityThreshold", 0.0)
     if threshold > 0:
         material.opacity, material.opacity_threshold = opacity, threshold
     elif str(networks.value(shader, "opacityMode", "transparent")) == "presence":

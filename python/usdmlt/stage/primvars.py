@@ -72,13 +72,12 @@ def at_corners(
 
 
 def as_floats(value) -> np.ndarray | None:
-    """(count, width) float32 of a value or array; None for what is not numbers, or too wide."""
+    """(count, width) float32 of a Vt array or a single value; None for what is no numbers, or more
+    than four each."""
     array = np.asarray(value)
     if array.dtype.kind not in "fiub":
         return None
-    if array.ndim == 0:
-        array = array[None]
-    if isinstance(value, _SINGLE_VECTORS):
+    if not hasattr(value, "FromNumpy"):  # a single value
         array = array[None]
     if array.ndim == 1:
         array = array[:, None]
@@ -123,7 +122,8 @@ def read_primvar(
         report.warn("primvars of this type are not read", path)
         return None
     if not np.isfinite(values).all():
-        raise Error(f"{path}: values are not finite")
+        report.warn("values of primvars that are not finite are read as 0", path)
+        values = np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
     if values.shape[1] >= 3 and primvar.GetTypeName().role == COLOR_ROLE:
         space = colors.space_of(primvar.GetAttr())
         rgb = colors.convert(values[:, :3], space)
@@ -143,12 +143,3 @@ def read_primvar(
             f"{path} ({count} {primvar.GetInterpolation()})",
         )
     return result
-
-
-def _single_vector_types() -> tuple[type, ...]:
-    from pxr import Gf
-
-    return tuple(getattr(Gf, f"Vec{n}{t}") for n in (2, 3, 4) for t in "dfhi")
-
-
-_SINGLE_VECTORS = _single_vector_types()

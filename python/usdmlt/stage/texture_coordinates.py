@@ -53,11 +53,11 @@ def read_texture_coordinates(
 
 def transform_2d(networks: Networks, shader: UsdShade.Shader) -> np.ndarray:
     """UsdTransform2d as a 3x3 matrix: scale, then rotate counter-clockwise, then translate."""
-    scale = networks.value(shader, "scale", (1.0, 1.0))
-    translation = networks.value(shader, "translation", (0.0, 0.0))
-    angle = np.radians(float(networks.value(shader, "rotation", 0.0)))
+    scale = networks.numbers(shader, "scale", (1.0, 1.0))
+    translation = networks.numbers(shader, "translation", (0.0, 0.0))
+    angle = np.radians(networks.number(shader, "rotation", 0.0))
     c, s = np.cos(angle), np.sin(angle)
-    linear = np.array([[c, -s], [s, c]]) @ np.diag([float(scale[0]), float(scale[1])])
+    linear = np.array([[c, -s], [s, c]]) @ np.diag(scale)
     result = np.eye(3)
     result[:2, :2] = linear
     result[:2, 2] = translation

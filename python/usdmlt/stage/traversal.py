@@ -14,6 +14,7 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
 from usdmlt.errors import Report
 from usdmlt.scene import Light, Mesh
 from usdmlt.stage import gprims, lights
+from usdmlt.stage.skinning import Skinning
 
 IDENTITY = Gf.Matrix4d(1.0)
 
@@ -67,10 +68,16 @@ class PrimKind:
     descend: bool = True
 
 
+# What is below these may have a purpose of its own.
+_ANY_PURPOSE = ("instancer", "skeleton root")
+
+
 class Traversal:
     """Walks one stage at one time."""
 
-    def __init__(self, time: Usd.TimeCode, purposes: tuple[str, ...], skinning, report: Report):
+    def __init__(
+        self, time: Usd.TimeCode, purposes: tuple[str, ...], skinning: Skinning, report: Report
+    ):
         self.time = time
         self.purposes = {"default", *purposes}
         self.skinning = skinning
@@ -105,7 +112,7 @@ class Traversal:
                 continue
             if prim.IsModel() and prim.HasAPI(UsdGeom.ModelAPI):
                 self._warn_of_draw_mode(prim)
-            if kind.role and (purpose in self.purposes or kind.role == "instancer"):
+            if kind.role and (purpose in self.purposes or kind.role in _ANY_PURPOSE):
                 self._sort(group, prim, kind, transform, purpose)
             if kind.descend:
                 children = prim.GetFilteredChildren(predicate)
@@ -163,11 +170,8 @@ def _classify(prim: Usd.Prim, name: str) -> PrimKind:
         return kind("", descend=False)
     if prim.IsA(UsdSkel.Skeleton) or prim.IsA(UsdGeom.Camera):
         return kind("")
-    if prim.IsA(UsdGeom.Boundable) or prim.HasAPI(UsdLux.LightAPI) or _UNSUPPORTED & {name}:
+    if prim.IsA(UsdGeom.Boundable) or (name and prim.HasAPI(UsdLux.LightAPI)):
         return kind("unsupported")
     if name and Usd.SchemaRegistry().FindConcretePrimDefinition(name) is None:
         return kind("unsupported")
     return kind("")
-
-
-_UNSUPPORTED = {"PluginLight", "PortalLight"}
