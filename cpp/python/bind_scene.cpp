@@ -3,6 +3,7 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
+#include <cmath>
 #include <limits>
 
 #include "base/floating_point.hpp"
@@ -115,10 +116,14 @@ Mesh make_mesh(const py::handle& source, Vec3d center, const py::dict& primvar_s
     if (!normals.is_none()) {
         mesh.normals = corner_values(normals, flipped);
         std::vector<float>& v = mesh.normals.values;
+        // Unit length in the mesh's own space, and only linear from there: interpolation then
+        // commutes with the transform, and a mesh looks the same placed directly or instanced.
+        const double volume = std::fabs(m.determinant());
+        const double scale = volume > 0 ? std::pow(std::cbrt(volume), -2) : 1;
         for (size_t i = 0; i + 2 < v.size(); i += 3) {
-            Vec3d n = m.normal({v[i], v[i + 1], v[i + 2]});
+            Vec3d n{v[i], v[i + 1], v[i + 2]};
             const double l = length(n);
-            if (l > 0) n = n * (1 / l);
+            if (l > 0) n = m.normal(n) * (scale / l);
             v[i] = float(n.x);
             v[i + 1] = float(n.y);
             v[i + 2] = float(n.z);
