@@ -12,6 +12,7 @@ from usdmlt.errors import UsageError
 
 IntegratorName = Literal["auto", "path", "bdpt"]
 FilterName = Literal["gaussian", "box"]
+EmbreeIsa = Literal["sse2", "sse4.2", "avx", "avx2", "avx512"]
 
 # What `--time` alone means: as many samples as the time allows.
 UNLIMITED_SAMPLES = 2**20
@@ -40,11 +41,12 @@ class Settings:
     seed: int = 0
     threads: int | None = None
     filter: FilterName = "gaussian"
-    embree_isa: str = "avx2"
+    embree_isa: EmbreeIsa = "avx2"
 
     def __post_init__(self) -> None:
         _check_choice("integrator", self.integrator, get_args(IntegratorName))
         _check_choice("filter", self.filter, get_args(FilterName))
+        _check_choice("embree_isa", self.embree_isa, get_args(EmbreeIsa))
         _check_integer("samples", self.samples, 1, UNLIMITED_SAMPLES, optional=True)
         _check_integer("depth", self.depth, 1, 1000)
         _check_integer("seed", self.seed, 0, 2**32 - 1)

@@ -25,6 +25,7 @@ from usdmlt.settings import check_resolution
         ({"time": float("nan")}, "time must be a positive number"),
         ({"time": float("inf")}, "time must be a positive number"),
         ({"integrator": "mlt2"}, "integrator must be one of auto, path, bdpt"),
+        ({"embree_isa": "neon"}, "embree_isa must be one of sse2,"),
         ({"filter": "sinc"}, "filter must be one of gaussian, box"),
     ],
 )
