@@ -1,5 +1,6 @@
 #include "lights/cylinder.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 

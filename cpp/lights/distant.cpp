@@ -1,5 +1,6 @@
 #include "lights/distant.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 

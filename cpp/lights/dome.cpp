@@ -1,5 +1,6 @@
 #include "lights/dome.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 

@@ -1,6 +1,7 @@
 // Radiance that leaves a light point, and the first edge of a light subpath.
 #include <cmath>
 #include <numbers>
+#include <type_traits>
 
 #include "base/warps.hpp"
 #include "lights/lights.hpp"

@@ -1,5 +1,6 @@
 // x0: samples and densities of light points.
 #include <cmath>
+#include <type_traits>
 
 #include "lights/lights.hpp"
 

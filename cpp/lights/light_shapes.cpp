@@ -1,4 +1,6 @@
 // Points of lights that rays find.
+#include <utility>
+
 #include "lights/lights.hpp"
 
 namespace usdmlt {

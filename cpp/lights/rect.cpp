@@ -1,5 +1,6 @@
 #include "lights/rect.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <complex>
 #include <numbers>
@@ -100,10 +101,14 @@ LightPoint surface_point(const RectLight& light, Vec2f uv) {
     return point;
 }
 
-// The image's left edge is at local +x and its top at +y: upright to a viewer in front of it.
+// The image's left edge is at local +x and its top at +y: upright to a viewer in front of it. The
+// image ends at its edges, whatever the texture's wrap modes.
 Spectrum surface_radiance(const RectLight& light, Vec2f uv) {
     if (!light.texture) return light.radiance;
-    const Texel t = light.texture->lookup({1 - uv.x, uv.y});
+    const float half_s = 0.5f / static_cast<float>(light.texture->width);
+    const float half_t = 0.5f / static_cast<float>(light.texture->height);
+    const Texel t = light.texture->lookup(
+        {std::clamp(1 - uv.x, half_s, 1 - half_s), std::clamp(uv.y, half_t, 1 - half_t)});
     return light.radiance * Spectrum(t[0], t[1], t[2]);
 }
 

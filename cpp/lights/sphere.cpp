@@ -1,5 +1,6 @@
 #include "lights/sphere.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 

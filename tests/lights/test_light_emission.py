@@ -115,13 +115,21 @@ def test_the_texture_of_a_rect_is_upright_to_a_viewer_in_front(probe):
     """The image's left edge is at local +x, its top at +y; seen from −z, that is left and up."""
     pixels = np.zeros((2, 2, 3), np.float32)
     pixels[0, 0], pixels[0, 1], pixels[1, 0] = (1, 0, 0), (0, 1, 0), (0, 0, 1)
-    image = scene.Texture(pixels, wrap_s="clamp", wrap_t="clamp")
     light = scene.RectLight((2.0, 2.0, 2.0), 4.0, 2.0, texture=0)
-    lights = probe(light, textures=[image])
-    uv = np.array([[0.9, 0.9], [0.1, 0.9], [0.9, 0.1], [0.1, 0.1]], np.float32)
-    points = lights.shape_point(0, uv)
-    assert points["position"][0] == pytest.approx([1.6, 0.8, 0])
-    emitted = lights.radiance(points, np.array([[0, 0, -1]] * 4, np.float32))
-    assert emitted == pytest.approx(np.array([[2, 0, 0], [0, 2, 0], [0, 0, 2], [0, 0, 0]]))
-    grey = lights.power[0] / (np.pi * 8 * 2)
-    assert grey == pytest.approx(0.25, rel=1e-6)
+    lights = probe(light, textures=[scene.Texture(pixels)])
+    for inset in (0.1, 0.0):  # at the very edge too, although the texture repeats
+        near, far = inset, 1 - inset
+        uv = np.array([[far, far], [near, far], [far, near], [near, near]], np.float32)
+        points = lights.shape_point(0, uv)
+        assert points["position"][0] == pytest.approx([4 * (far - 0.5), 2 * (far - 0.5), 0])
+        emitted = lights.radiance(points, np.array([[0, 0, -1]] * 4, np.float32))
+        expected = np.array([[2, 0, 0], [0, 2, 0], [0, 0, 2], [0, 0, 0]])
+        assert emitted == pytest.approx(expected, abs=1e-5)
+
+
+def test_the_power_of_a_textured_rect_is_that_of_its_average(probe):
+    pixels = np.random.default_rng(4).random((6, 8, 3)).astype(np.float32)
+    light = scene.RectLight((2.0, 1.0, 0.5), 4.0, 2.0, texture=0)
+    lights = probe(light, textures=[scene.Texture(pixels)])
+    average = pixels.mean((0, 1)) * (2.0, 1.0, 0.5) @ [0.2126, 0.7152, 0.0722]
+    assert lights.power[0] == pytest.approx(np.pi * 8 * average, rel=1e-5)
