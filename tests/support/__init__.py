@@ -1,0 +1,1 @@
+"""Helpers that tests share: shapes, scenes, pictures and statistics."""

@@ -1,0 +1,192 @@
+"""Scene descriptions rendered by Mitsuba 3 (scalar_rgb): the subset that comparisons need.
+
+Meshes become PLY files with one facet normal per face, so both renderers intersect the same
+triangles; rect lights become two triangles that emit to one side, spheres stay spheres. A path of
+k edges is Mitsuba's depth k.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from usdmlt import scene as s
+
+
+def load(mi, scene: s.Scene, folder: Path, depth: int):
+    """Mitsuba's scene of the same content."""
+    content = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": depth, "rr_depth": 1000},
+        "sensor": _sensor(mi, scene),
+    }
+    for i, mesh in enumerate(scene.meshes):
+        points = mesh.points @ mesh.transform[:3, :3] + mesh.transform[3, :3]
+        st = mesh.primvars["st"].values if "st" in mesh.primvars else None
+        path = folder / f"mesh{i}.ply"
+        _write_ply(path, points, mesh.triangles, st)
+        material = scene.materials[mesh.materials]
+        shape = {"type": "ply", "filename": str(path), "face_normals": True}
+        shape["bsdf"] = _bsdf(mi, scene, material)
+        content[f"mesh{i}"] = shape
+    for i, light in enumerate(scene.lights):
+        content[f"light{i}"] = _emitter(mi, scene, light, folder / f"light{i}.ply")
+    return mi.load_dict(content)
+
+
+def pictures(mi, loaded, seeds: int, samples: int) -> np.ndarray:
+    """(seeds, h, w, 3); the sampler is independent, so seeds are too."""
+    return np.stack(
+        [np.array(mi.render(loaded, spp=samples, seed=seed)) for seed in range(seeds)]
+    ).astype(np.float64)
+
+
+def _matrix(mi, m: np.ndarray):
+    """Of column vectors, as Mitsuba has it."""
+    return mi.ScalarTransform4f(m.T)
+
+
+def _sensor(mi, scene: s.Scene) -> dict:
+    camera = scene.camera
+    left, right, bottom, top = camera.window
+    assert left == -right
+    assert bottom == -top
+    assert camera.projection == "perspective"
+    # Mitsuba's cameras look along +z with +x to the left.
+    turn = np.diag([-1.0, 1.0, -1.0, 1.0])
+    sensor = {
+        "type": "perspective",
+        "fov_axis": "x",
+        "fov": 2 * math.degrees(math.atan(right)),
+        "to_world": _matrix(mi, turn @ camera.transform),
+        "near_clip": 1e-3,
+        "film": {
+            "type": "hdrfilm",
+            "width": scene.width,
+            "height": scene.height,
+            "pixel_format": "rgb",
+            "component_format": "float32",
+            "rfilter": {"type": "box"},
+        },
+        "sampler": {"type": "independent"},
+    }
+    if camera.lens_radius:
+        sensor |= {
+            "type": "thinlens",
+            "aperture_radius": camera.lens_radius,
+            "focus_distance": camera.focus_distance,
+        }
+    return sensor
+
+
+def _rgb(color) -> dict:
+    return {"type": "rgb", "value": [float(c) for c in color]}
+
+
+def _bsdf(mi, scene: s.Scene, material: s.Material) -> dict:
+    closure = material.closure
+    match closure:
+        case s.Diffuse(color=s.TextureInput() as read):
+            texture = scene.textures[read.texture]
+            wrap = {"repeat": "repeat", "clamp": "clamp", "mirror": "mirror"}[texture.wrap_s]
+            bitmap = {
+                "type": "bitmap",
+                "bitmap": mi.Bitmap(np.ascontiguousarray(texture.pixels, np.float32)),
+                "raw": True,
+                "filter_type": "bilinear",
+                "wrap_mode": wrap,
+            }
+            bsdf = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": bitmap}}
+        case s.Diffuse():
+            assert closure.roughness == 0
+            bsdf = {
+                "type": "twosided",
+                "bsdf": {"type": "diffuse", "reflectance": _rgb(closure.color)},
+            }
+        case s.Dielectric(scatter_mode="RT"):
+            smooth = closure.roughness == 0
+            bsdf = {"type": "dielectric" if smooth else "roughdielectric"}
+            bsdf |= {"int_ior": float(closure.ior), "ext_ior": 1.0}
+            if not smooth:
+                bsdf |= {"distribution": "ggx", "alpha": float(closure.roughness)}
+        case s.Conductor():
+            metal = {
+                "type": "roughconductor",
+                "distribution": "ggx",
+                "sample_visible": True,
+                "alpha": float(closure.roughness),
+                "eta": _rgb(closure.ior),
+                "k": _rgb(closure.extinction),
+            }
+            bsdf = {"type": "twosided", "bsdf": metal}
+        case _:
+            raise NotImplementedError(closure)
+    return bsdf
+
+
+def _emitter(mi, scene: s.Scene, light: s.Light, path: Path) -> dict:
+    area = {"type": "area", "radiance": _rgb(light.radiance)}
+    black = {"type": "diffuse", "reflectance": 0.0}
+    m = light.transform
+    match light:
+        case s.RectLight():
+            x, y = light.width / 2, light.height / 2
+            corners = np.array([(-x, -y, 0), (-x, y, 0), (x, y, 0), (x, -y, 0)])  # faces -z
+            _write_ply(path, corners @ m[:3, :3] + m[3, :3], np.array([(0, 1, 2), (0, 2, 3)]))
+            shape = {"type": "ply", "filename": str(path), "face_normals": True}
+            return shape | {"emitter": area, "bsdf": black}
+        case s.SphereLight():
+            assert np.array_equal(m[:3, :3], np.eye(3))
+            shape = {"type": "sphere", "center": m[3, :3].tolist(), "radius": light.radius}
+            return shape | {"emitter": area, "bsdf": black}
+        case s.DistantLight(angle_degrees=0.0):
+            direction = (-m[2, :3]).tolist()
+            return {"type": "directional", "direction": direction,
+                    "irradiance": _rgb(light.radiance)}  # fmt: skip
+        case s.DomeLight(texture=None):
+            return {"type": "constant", "radiance": _rgb(light.radiance)}
+        case s.DomeLight():
+            pixels = scene.textures[light.texture].pixels * np.array(light.radiance, np.float32)
+            return {
+                "type": "envmap",
+                "bitmap": mi.Bitmap(_rows_from_pole_to_pole(pixels)),
+                "to_world": _matrix(mi, m),
+            }
+        case _:
+            raise NotImplementedError(light)
+
+
+def _rows_from_pole_to_pole(pixels: np.ndarray) -> np.ndarray:
+    """Mitsuba's rows lie at θ = iπ/(h−1), the poles included; ours at (i + ½)π/h.
+
+    Interpolated to four times as many rows, which leaves an error of second order.
+    """
+    h = len(pixels)
+    y = np.linspace(0, 1, 4 * h + 1) * h - 0.5
+    i = np.clip(np.floor(y).astype(int), 0, h - 2)
+    f = np.clip(y - i, 0, 1)[:, None, None]
+    return np.ascontiguousarray((pixels[i] * (1 - f) + pixels[i + 1] * f).astype(np.float32))
+
+
+def _write_ply(path: Path, points: np.ndarray, triangles: np.ndarray, st=None) -> None:
+    columns = [np.asarray(points, "<f4")]
+    names = ["x", "y", "z"]
+    if st is not None:
+        # Mitsuba's images begin at v = 0 with their top row.
+        columns.append(np.stack([st[:, 0], 1 - st[:, 1]], -1).astype("<f4"))
+        names += ["u", "v"]
+    faces = np.empty(len(triangles), [("n", "u1"), ("v", "<i4", 3)])
+    faces["n"], faces["v"] = 3, triangles
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"element vertex {len(points)}",
+        *(f"property float {name}" for name in names),
+        f"element face {len(triangles)}",
+        "property list uchar int vertex_indices",
+        "end_header\n",
+    ]
+    vertices = np.ascontiguousarray(np.concatenate(columns, axis=1))
+    path.write_bytes("\n".join(header).encode() + vertices.tobytes() + faces.tobytes())
