@@ -59,8 +59,10 @@ Spectrum vertex_color(const DomeLight& light, int column, int row) {
     return {t[0], t[1], t[2]};
 }
 
+// Texels that are not finite (a sun beyond half's range) are not sampled.
 float weight(const DomeLight& light, const Spectrum& color, int row) {
-    return static_cast<float>(importance(light.radiance * color)) * light.row_sine[row];
+    const float value = static_cast<float>(importance(light.radiance * color));
+    return std::isfinite(value) ? value * light.row_sine[row] : 0;
 }
 
 float vertex_weight(const DomeLight& light, int column, int row) {
@@ -121,6 +123,7 @@ DomeLight::DomeLight(const Affine3f& transform, const Spectrum& radiance, const 
         for (int column = 0; column < w; ++column) {
             const Spectrum color = vertex_color(*this, column, row);
             weights[size_t(row) * w + column] = weight(*this, color, row);
+            if (!is_finite(color)) continue;
             for (int i = 0; i < 3; ++i) sum[i] += color[i] * share;
         }
     }

@@ -19,7 +19,8 @@ Spectrum average_color(const RectLight& light) {
     for (int y = 0; y < h; ++y)
         for (int x = 0; x < w; ++x) {
             const Texel t = light.texture->texel(x, y);
-            for (int i = 0; i < 3; ++i) sum[i] += std::fabs(t[i]) / (double(w) * h);
+            for (int i = 0; i < 3; ++i)
+                if (std::isfinite(t[i])) sum[i] += std::fabs(t[i]) / (double(w) * h);
         }
     return {static_cast<float>(sum[0]), static_cast<float>(sum[1]), static_cast<float>(sum[2])};
 }
