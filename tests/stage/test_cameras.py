@@ -270,7 +270,7 @@ def test_images_of_no_pixels_are_a_wrong_value(read, value):
 
 
 @pytest.mark.parametrize(
-    ("up", "size", "distance_axis", "sign"), [("Y", (2, 3, 4), 2, 1), ("Z", (2, 4, 3), 1, -1)]
+    ("up", "size", "distance_axis", "sign"), [("Y", (3, 2, 4), 2, 1), ("Z", (3, 4, 2), 1, -1)]
 )
 def test_a_stage_without_camera_is_framed_as_usdrecord_does(read, up, size, distance_axis, sign):
     scale = tuple(float(s) for s in size)
@@ -281,9 +281,9 @@ def test_a_stage_without_camera_is_framed_as_usdrecord_does(read, up, size, dist
             uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"] }}""",
         f'upAxis = "{up}"',
     )
-    # Half the diagonal of the 2 x 3 front over tan of half the field of view of a 50 mm lens with
+    # Half the diagonal of the 3 x 2 front over tan of half the field of view of a 50 mm lens with
     # an aperture of 20.955 mm, and half the depth of 4.
-    distance = np.hypot(2, 3) / 2 / (20.955 / 2 / 50) + 2
+    distance = np.hypot(3, 2) / 2 / (20.955 / 2 / 50) + 2
     expected = np.array([10.0, 20.0, 30.0])
     expected[distance_axis] += sign * distance
     assert scene.camera.transform[3, :3] == pytest.approx(expected, rel=1e-5)
@@ -294,6 +294,21 @@ def test_a_stage_without_camera_is_framed_as_usdrecord_does(read, up, size, dist
     assert top == -bottom == pytest.approx(15.2908 / 50 / 2, rel=1e-5)
     # The height of the image is a whole number; its pixels are square nevertheless.
     assert (right - left) / (top - bottom) == pytest.approx(960 / 700)
+
+
+@pytest.mark.parametrize(("up", "size"), [("Y", (2, 9, 4)), ("Z", (2, 4, 9))])
+def test_the_automatic_camera_does_not_cut_off_what_is_tall(read, up, size):
+    scene = read(
+        f"""def Cube "c" {{ double size = 1
+            float3 xformOp:scale = {tuple(float(s) for s in size)}
+            uniform token[] xformOpOrder = ["xformOp:scale"] }}""",
+        f'upAxis = "{up}"',
+    )
+    corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T / 2 * size
+    seen = np.c_[corners, np.ones(8)] @ np.linalg.inv(scene.camera.transform)
+    on_window = seen[:, :2] / -seen[:, 2:3]
+    assert scene.camera.window[2] < on_window[:, 1].min()
+    assert on_window[:, 1].max() < scene.camera.window[3]
 
 
 def test_small_things_are_framed_from_behind_the_near_plane(read):

@@ -15,8 +15,9 @@ def framing_camera(bounds: tuple[np.ndarray, np.ndarray], up_axis: str) -> Camer
 
     The box's side towards the camera fits the horizontal field of view: with r half the
     side's diagonal and d half the depth, the distance is r / tan(fov / 2) + d (UsdAppUtils'
-    frame recorder), plus the near clipping distance where it is less than that. It looks along -z,
-    or along +y where z is up.
+    frame recorder), plus the near clipping distance where it is less than that. Unlike usdrecord's,
+    it stands back further where what is tall would be cut off. It looks along -z, or along +y where
+    z is up.
     """
     lens = Gf.Camera()
     low, high = bounds
@@ -25,6 +26,9 @@ def framing_camera(bounds: tuple[np.ndarray, np.ndarray], up_axis: str) -> Camer
     radius = math.hypot(size[0], size[rise_axis]) / 2
     half_view = math.radians(lens.GetFieldOfView(Gf.Camera.FOVHorizontal)) / 2
     distance = radius / math.tan(half_view) + size[depth_axis] / 2
+    half_rise = math.radians(lens.GetFieldOfView(Gf.Camera.FOVVertical)) / 2
+    to_fit_height = 1.05 * size[rise_axis] / 2 / math.tan(half_rise) + size[depth_axis] / 2
+    distance = max(distance, to_fit_height)
     near = lens.clippingRange.min
     if distance < near:
         distance += near
