@@ -21,7 +21,8 @@ inline uint32_t reverse_bits(uint32_t x) {
     return ((x & 0x55555555u) << 1) | ((x & 0xaaaaaaaau) >> 1);
 }
 
-// A permutation in which every bit depends only on the bits below it and the seed.
+// A permutation in which every bit depends only on the bits below it and the seed: a nested uniform
+// (Owen) scramble of a number whose bits are reversed.
 inline uint32_t permute_upwards(uint32_t x, uint32_t seed) {
     x ^= x * 0x3d20adeau;
     x += seed;
@@ -29,10 +30,6 @@ inline uint32_t permute_upwards(uint32_t x, uint32_t seed) {
     x ^= x * 0x05526c56u;
     x ^= x * 0x53a22864u;
     return x;
-}
-
-inline uint32_t owen_scramble(uint32_t x, uint32_t seed) {
-    return reverse_bits(permute_upwards(reverse_bits(x), seed));
 }
 
 // Second dimension of Sobol': the Pascal matrix modulo 2, as an XOR zeta transform over the bits of
@@ -50,25 +47,32 @@ class Sampler {
 public:
     // `key` identifies pixel and seed, `index` the sample.
     Sampler(uint64_t key, uint32_t index, int stratified_pairs)
-        : key_(key), index_(index), pairs_(stratified_pairs), stream_(hash_key(key, index)) {}
+        : key_(key),
+          reversed_index_(reverse_bits(index)),
+          pairs_(stratified_pairs),
+          stream_(hash_key(key, index)) {}
 
     Vec2f next_2d() {
         if (pair_ >= pairs_) return stream_.next_2d();
         const uint64_t h = mix64(key_ + uint64_t(++pair_) * 0x9e3779b97f4a7c15ull);
         const uint64_t g = h * 0xd1342543de82ef95ull;
-        const uint32_t i = owen_scramble(index_, static_cast<uint32_t>(h));
+        const uint32_t i = reverse_bits(permute_upwards(reversed_index_, static_cast<uint32_t>(h)));
         return {to_unit_float(reverse_bits(permute_upwards(i, static_cast<uint32_t>(h >> 32)))),
                 to_unit_float(reverse_bits(
                     permute_upwards(sobol_second_reversed(i), static_cast<uint32_t>(g >> 32))))};
     }
     float next_1d() { return next_2d().x; }
 
+    // Continues at a pair of dimensions: walks give each decision of a bounce its own, whether or
+    // not the others are made, so that a pair means the same in every sample.
+    void seek(int pair) { pair_ = pair; }
+
     // Unstratified numbers of the same sample, for decisions that are rare.
     RandomStream& stream() { return stream_; }
 
 private:
     uint64_t key_;
-    uint32_t index_;
+    uint32_t reversed_index_;
     int pairs_, pair_ = 0;
     RandomStream stream_;
 };

@@ -74,12 +74,13 @@ private:
         if (!recorded(t)) return {};
         const SubpathVertex& z = camera_[t - 1];
         LightDensities densities;
-        if (!sample_light(scene_, sampler, z, end_, densities)) return {};
+        if (!sample_light(scene_, sampler, z, end_, densities.direct)) return {};
         const SubpathVertex& previous = camera_[t - 2];
         const Spectrum value = join(scene_, end_, nullptr, z, &previous);
         if (is_black(value)) return {};
         const float edge = transmittance(scene_, end_, z, statistics_.rays);
         if (edge == 0) return {};
+        densities.point = pdf_point(scene_.lights, end_.light);
         const double w =
             strategy_weight(scene_, &end_, nullptr, 1, z, &previous, t, densities, edge);
         return value * static_cast<float>(edge * w);

@@ -5,15 +5,19 @@
 namespace usdmlt {
 namespace {
 
+// Pairs of dimensions: the pixel, its filter and the lens, then those of each bounce.
+enum : int { camera_pairs = 3, light_pair = 0, direction_pair = 2, choice_pair, bounce_pairs };
 // Bounces whose numbers are stratified: beyond, plain random numbers are as good and cheaper.
-constexpr int stratified_pairs = 16;
+constexpr int stratified_pairs = camera_pairs + 4 * bounce_pairs;
+// Edges before roulette starts.
+constexpr int roulette_start = 1;
 
 // Next-event estimation at z, weighted against BSDF sampling:
 //     w = p_D² / (p_D² + p_B²).
 Spectrum direct_light(const Scene& scene, Sampler& sampler, const SubpathVertex& z,
                       const SubpathVertex& z_previous, SubpathVertex& x0, RayCounters& counters) {
-    LightDensities densities;
-    if (!sample_light(scene, sampler, z, x0, densities)) return {};
+    double pdf_direct;
+    if (!sample_light(scene, sampler, z, x0, pdf_direct)) return {};
     const Spectrum value = join(scene, x0, nullptr, z, &z_previous);
     if (is_black(value)) return {};
     const float edge = transmittance(scene, x0, z, counters);
@@ -22,7 +26,7 @@ Spectrum direct_light(const Scene& scene, Sampler& sampler, const SubpathVertex&
     if (!x0.light.delta) {
         const float pdf =
             z.closure.pdf(direction_to(z, z_previous), direction_to(z, x0), Known::eye);
-        other = squared_ratio(area_density(pdf, z, x0) * edge, densities.direct);
+        other = squared_ratio(area_density(pdf, z, x0) * edge, pdf_direct);
     }
     return value * static_cast<float>(edge / (1 + other));
 }
@@ -53,6 +57,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         statistics.energy[static_cast<size_t>(edges)] += luminance(value);
     };
     for (int k = 1; k <= settings.depth; ++k) {
+        const int pair = camera_pairs + (k - 1) * bounce_pairs;
         Hit hit;
         if (trace(scene, ray, sampler.stream(), statistics.rays, hit, v->opacity,
                   v->edge_transmittance)) {
@@ -78,18 +83,21 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         if (v->infinite || v->closure.lobe_count == 0 || k == settings.depth) break;
 
         v->throughput = throughput;
+        sampler.seek(pair + light_pair);
         if (v->closure.has_non_delta && k + 1 >= settings.min_edges)
             record(direct_light(scene, sampler, *v, *previous, x0, statistics.rays), k + 1);
 
+        sampler.seek(pair + direction_pair);
         const Vec2f u = sampler.next_2d();
-        const Vec2f choice = sampler.next_2d();
+        const bool roulette = k > roulette_start;
+        const Vec2f choice = v->closure.is_lambert && !roulette ? Vec2f{} : sampler.next_2d();
         ClosureSample sample;
         if (!v->closure.sample(-ray.direction, Known::eye, choice.x, u, sample)) break;
         v->component = sample.component;
         throughput *= sampling_weight(*v, -ray.direction, Known::eye, sample);
         const float w = max_component(throughput);
         if (!(w > 0)) break;
-        if (k > 1) {
+        if (roulette) {
             const float q = continuation_probability(w);
             if (choice.y >= q) break;
             throughput *= 1 / q;

@@ -47,8 +47,12 @@ bool sample_environment(const Lights& lights, double u_select, Vec2f u, LightPoi
 bool sample_x0(const Lights& lights, const Vec3f* reference, float u_select, Vec2f u,
                LightPoint& point, double& pdf) {
     if (lights.empty()) return false;
-    double u_choice = extend_uniform(u_select, u), probability;
-    const size_t c = lights.selection.sample(u_choice, probability);
+    double u_choice = u_select, probability = 1;
+    size_t c = 0;
+    if (lights.choices.size() > 1) {
+        u_choice = extend_uniform(u_select, u);
+        c = lights.selection.sample(u_choice, probability);
+    }
     const Lights::Choice choice = lights.choices[c];
     if (choice.light == environment_light)
         return sample_environment(lights, u_choice, u, point, pdf);

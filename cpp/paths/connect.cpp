@@ -93,16 +93,13 @@ LightDensities light_densities(const Scene& scene, const SubpathVertex& x0,
 }
 
 bool sample_light(const Scene& scene, Sampler& sampler, const SubpathVertex& z, SubpathVertex& x0,
-                  LightDensities& densities) {
-    const float u_select = sampler.next_1d();
+                  double& pdf_direct) {
+    const Vec2f u = sampler.next_2d();
+    const float u_select = scene.lights.choices.size() > 1 ? sampler.next_1d() : 0;
     LightPoint point;
-    if (!sample_direct(scene.lights, z.position, u_select, sampler.next_2d(), point,
-                       densities.direct))
-        return false;
+    if (!sample_direct(scene.lights, z.position, u_select, u, point, pdf_direct)) return false;
     light_vertex(scene, point, x0);
-    x0.throughput = Spectrum(static_cast<float>(1 / densities.direct));
-    densities.point = pdf_point(scene.lights, point);
-    x0.pdf_forward = densities.point;
+    x0.throughput = Spectrum(static_cast<float>(1 / pdf_direct));
     return true;
 }
 

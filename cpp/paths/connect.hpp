@@ -36,9 +36,9 @@ Spectrum emitted_contribution(const Scene& scene, const Subpath& camera, int t);
 LightDensities light_densities(const Scene& scene, const SubpathVertex& x0,
                                const SubpathVertex& x1);
 
-// Next-event estimation from z: makes x0 (throughput, densities); false where there is none.
+// Next-event estimation from z: makes x0 and its density p_D; false where there is none.
 bool sample_light(const Scene& scene, Sampler& sampler, const SubpathVertex& z, SubpathVertex& x0,
-                  LightDensities& densities);
+                  double& pdf_direct);
 
 // throughput · scattering · G · scattering · throughput, without visibility and weight; zero where
 // the join cannot carry light. x may be x0 (x_previous null), z may be the lens (z_previous null).
