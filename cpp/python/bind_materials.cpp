@@ -299,6 +299,21 @@ private:
     Closure closure_;
 };
 
+std::array<float, 3> tangent_of_triangle(const FloatArray& points, const FloatArray& st) {
+    if (points.size() != 9 || st.size() != 6)
+        throw std::invalid_argument("a triangle has (3, 3) points and (3, 2) coordinates");
+    Mesh mesh;
+    for (int i = 0; i < 3; ++i)
+        mesh.positions.push_back(
+            {points.data()[3 * i], points.data()[3 * i + 1], points.data()[3 * i + 2]});
+    mesh.triangles = {{{0, 1, 2}}};
+    mesh.primvars.resize(1);
+    mesh.primvars[0].width = 2;
+    mesh.primvars[0].values.assign(st.data(), st.data() + 6);
+    const Vec3f t = tangent_along_s(mesh, 0, 0);
+    return {t.x, t.y, t.z};
+}
+
 FloatArray lookup_texture(const py::object& source, const FloatArray& st) {
     if (st.ndim() != 2 || st.shape(1) != 2)
         throw std::invalid_argument("texture coordinates are an (n, 2) array");
@@ -314,6 +329,8 @@ FloatArray lookup_texture(const py::object& source, const FloatArray& st) {
 }  // namespace
 
 void bind_materials(py::module_& module) {
+    module.def("tangent_along_s", &tangent_of_triangle, py::arg("points"), py::arg("st"),
+               "∂p/∂s of one triangle with (3, 3) points and (3, 2) texture coordinates.");
     module.def("lookup_texture", &lookup_texture, py::arg("texture"), py::arg("st"),
                "Bilinear lookups of a scene.Texture at (n, 2) coordinates: (n, 4) float32.");
 
