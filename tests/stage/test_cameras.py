@@ -312,8 +312,12 @@ def test_the_automatic_camera_does_not_cut_off_what_is_tall(read, up, size):
 
 
 def test_small_things_are_framed_from_behind_the_near_plane(read):
-    scene = read('def Cube "c" { double size = 0.02 }')
-    distance = np.hypot(0.02, 0.02) / 2 / (20.955 / 2 / 50) + 0.01
+    scene = read(
+        """def Cube "c" { double size = 0.02
+            float3 xformOp:scale = (1, 0.5, 1)
+            uniform token[] xformOpOrder = ["xformOp:scale"] }"""
+    )
+    distance = np.hypot(0.02, 0.01) / 2 / (20.955 / 2 / 50) + 0.01
     assert distance < 1
     assert scene.camera.transform[3, 2] == pytest.approx(distance + 1, rel=1e-5)
 
