@@ -1,32 +1,8 @@
 #include "paths/connect.hpp"
 
+#include "paths/densities.hpp"
+
 namespace usdmlt {
-namespace {
-
-// Density with which a light vertex x0 generates the next vertex, in area measure.
-double density_from_light(const Scene& scene, const Vertex& x0, const Vertex& x1, float edge) {
-    const double pdf = x0.infinite ? pdf_origin(scene.lights)
-                                   : pdf_direction(scene.lights, x0.light, direction_to(x0, x1));
-    return area_density(pdf, x0, x1) * edge;
-}
-
-// Density with which the lens generates x_{k−1}.
-double density_from_lens(const Scene& scene, const Vertex& lens, const Vertex& x, float edge) {
-    const Camera& camera = scene.camera;
-    const double pdf =
-        camera.orthographic ? camera.pdf_origin() : camera.pdf_direction(direction_to(lens, x));
-    return area_density(pdf, lens, x) * edge;
-}
-
-// Density with which `v`, reached from `from`, generates `to` by its non-Dirac lobes.
-double density_by_scattering(const Vertex& v, const Vertex& from, const Vertex& to, Known role,
-                             float edge) {
-    return area_density(v.closure.pdf(direction_to(v, from), direction_to(v, to), role), v, to) *
-           edge;
-}
-
-}  // namespace
-
 double strategy_weight(const Scene& scene, const SubpathVertex* x, const SubpathVertex* x_previous,
                        int s, const SubpathVertex& z, const SubpathVertex* z_previous, int t,
                        const LightDensities& densities, float edge) {

@@ -64,7 +64,7 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
         weight *= sampling_weight(v, known, role, sample);
         const float w = max_component(weight);
         if (!(w > 0)) return;
-        if (n > roulette_start) {
+        if (path.roulette && n > roulette_start) {
             const float q = continuation_probability(w / start);
             if (choice.y >= q) return;
             weight *= 1 / q;

@@ -29,6 +29,7 @@ struct Subpath {
     int count = 0;
     double pdf_point = 0;   // light subpaths: density of x0 by sample_point,
     double pdf_direct = 0;  // and by sample_direct seen from x1
+    bool roulette = true;   // walks end at random where little light is left
 
     explicit Subpath(int capacity) : vertices(static_cast<size_t>(capacity)) {}
     SubpathVertex& operator[](int i) { return vertices[static_cast<size_t>(i)]; }

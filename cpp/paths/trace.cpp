@@ -18,6 +18,11 @@ Vec3f abs(Vec3f v) { return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}; }
 
 float max_component(Vec3f v) { return std::max({v.x, v.y, v.z}); }
 
+// Where a segment ends, as a fraction of it. The traversal's distances are rounded in proportion to
+// their length, whereas the ends are pushed off their surfaces by a bound that is proportional to
+// their coordinates: close to the origin that would not keep the far surface out.
+constexpr float segment_end = 1 - 0x1p-20f;
+
 HitPoint position_on_mesh(const Scene& scene, const Hit& hit) {
     const Mesh& mesh = scene.meshes[hit.mesh];
     const Triangle& t = mesh.triangles[hit.primitive];
@@ -199,7 +204,7 @@ float transmittance(const Scene& scene, Ray ray, RayCounters& counters) {
         const Vec3f end = ray.origin + ray.direction * ray.tfar;
         if (ray.tfar < infinite_distance / 2) {
             ray.direction = end - origin;
-            ray.tfar = 1;
+            ray.tfar = segment_end;
         }
         ray.origin = origin;
         ray.tnear = 0;
@@ -225,7 +230,7 @@ float transmittance(const Scene& scene, const Vertex& a, const Vertex& b, RayCou
     const Vec3f from = offset_origin(a, direction);
     if (b.infinite) return transmittance(scene, {from, 0, direction, infinite_distance}, counters);
     const Vec3f to = offset_origin(b, -direction);
-    return transmittance(scene, {from, 0, to - from, 1}, counters);
+    return transmittance(scene, {from, 0, to - from, segment_end}, counters);
 }
 
 }  // namespace usdmlt
