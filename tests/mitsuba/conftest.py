@@ -16,7 +16,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def mi():
-    """The module, in the variant that needs no LLVM."""
+    """The module: vectorised where LLVM is found, else in the variant that needs nothing."""
     mitsuba = pytest.importorskip("mitsuba")
-    mitsuba.set_variant("scalar_rgb")
+    drjit = pytest.importorskip("drjit")
+    vectorised = drjit.has_backend(drjit.JitBackend.LLVM)
+    mitsuba.set_variant("llvm_ad_rgb" if vectorised else "scalar_rgb")
     return mitsuba

@@ -143,15 +143,45 @@ def thin_lens() -> s.Scene:
     return scene
 
 
+def interpolated_normals() -> s.Scene:
+    ball = sphere(0.9, 1, rings=24, smooth=True)
+    ball.points += np.float32([0, 0.9, 0])
+    return picture_of(
+        perspective((0, 2, 4.5), (0, 0.6, 0), 36),
+        meshes=[floor(0), ball],
+        materials=[WHITE, GREY],
+        lights=[s.SphereLight((9, 8, 7), 0.5, translate(1.0, 2.8, 2.0))],
+    )
+
+
+def normal_map() -> s.Scene:
+    """Tangents along the texture's s."""
+    rng = np.random.default_rng(13)
+    n = rng.normal(size=(6, 6, 3)) * (0.25, 0.25, 0) + (0, 0, 1)
+    n /= np.linalg.norm(n, axis=-1, keepdims=True)
+    ground = floor(0)
+    turn = rotate((0, 0, 1), 30)[:2, :2].astype(np.float32)
+    ground.primvars["st"].values[:] = (ground.primvars["st"].values - 0.5) @ turn * 0.7 + 0.5
+    return picture_of(
+        perspective((0, 4, 3), (0, 0, 0), 45),
+        meshes=[ground],
+        materials=[s.Material(s.Diffuse((0.7, 0.7, 0.7)), normal=s.TextureInput(0))],
+        textures=[s.Texture(n.astype(np.float32), "clamp", "clamp")],
+        lights=[s.SphereLight((9, 8, 7), 0.5, translate(1.0, 3, 0.5))],
+    )
+
+
 SCENES: dict[str, Callable[[], s.Scene]] = {
     f.__name__: f
     for f in (
         diffuse, sphere_light, glass, rough_conductor, rough_glass, textured, dome, thin_lens,
+        interpolated_normals, normal_map,
     )
 }  # fmt: skip
 
 
-def compare(mi, folder, name: str, seeds: int, samples: int, depth: int = 6) -> None:
+def compare(mi, folder, name: str, seeds: int, samples: int, resolution: float) -> None:
+    depth = 6
     scene = SCENES[name]()
     theirs = other.pictures(mi, other.load(mi, scene, folder, depth), seeds, samples)
     built = build(scene)
@@ -159,16 +189,16 @@ def compare(mi, folder, name: str, seeds: int, samples: int, depth: int = 6) -> 
         ours = pictures(built, integrator, seeds, samples=samples, depth=depth)
         got = agreement(ours, theirs)
         print(f"{name:16} {integrator:5} {got}")
-        got.require(resolution=0.0025)
+        got.require(resolution=resolution)
         assert abs(got.difference) < 0.005
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_agrees_with_mitsuba(mi, tmp_path, name: str) -> None:
-    compare(mi, tmp_path, name, seeds=24, samples=256)
+    compare(mi, tmp_path, name, seeds=24, samples=192, resolution=0.0035)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_agrees_with_mitsuba_with_many_samples(mi, tmp_path, name: str) -> None:
-    compare(mi, tmp_path, name, seeds=48, samples=2048)
+    compare(mi, tmp_path, name, seeds=48, samples=512, resolution=0.002)

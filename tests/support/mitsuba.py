@@ -1,8 +1,7 @@
-"""Scene descriptions rendered by Mitsuba 3 (scalar_rgb): the subset that comparisons need.
+"""Scene descriptions rendered by Mitsuba 3: the subset that comparisons need.
 
-Meshes become PLY files with one facet normal per face, so both renderers intersect the same
-triangles; rect lights become two triangles that emit to one side, spheres stay spheres. A path of
-k edges is Mitsuba's depth k.
+Meshes become PLY files, so both renderers intersect the same triangles; rect lights become two
+triangles that emit to one side, spheres stay spheres. A path of k edges is Mitsuba's depth k.
 """
 
 from __future__ import annotations
@@ -25,12 +24,18 @@ def load(mi, scene: s.Scene, folder: Path, depth: int):
     for i, mesh in enumerate(scene.meshes):
         points = mesh.points @ mesh.transform[:3, :3] + mesh.transform[3, :3]
         st = mesh.primvars["st"].values if "st" in mesh.primvars else None
+        normals = None
+        if mesh.normals is not None:
+            assert np.allclose(mesh.transform[:3, :3], np.eye(3))
+            normals = mesh.normals.values
         path = folder / f"mesh{i}.ply"
-        _write_ply(path, points, mesh.triangles, st)
-        material = scene.materials[mesh.materials]
-        shape = {"type": "ply", "filename": str(path), "face_normals": True}
-        shape["bsdf"] = _bsdf(mi, scene, material)
-        content[f"mesh{i}"] = shape
+        _write_ply(path, points, mesh.triangles, st, normals)
+        content[f"mesh{i}"] = {
+            "type": "ply",
+            "filename": str(path),
+            "face_normals": normals is None,
+            "bsdf": _bsdf(mi, scene, scene.materials[mesh.materials]),
+        }
     for i, light in enumerate(scene.lights):
         content[f"light{i}"] = _emitter(mi, scene, light, folder / f"light{i}.ply")
     return mi.load_dict(content)
@@ -90,14 +95,7 @@ def _bsdf(mi, scene: s.Scene, material: s.Material) -> dict:
     match closure:
         case s.Diffuse(color=s.TextureInput() as read):
             texture = scene.textures[read.texture]
-            wrap = {"repeat": "repeat", "clamp": "clamp", "mirror": "mirror"}[texture.wrap_s]
-            bitmap = {
-                "type": "bitmap",
-                "bitmap": mi.Bitmap(np.ascontiguousarray(texture.pixels, np.float32)),
-                "raw": True,
-                "filter_type": "bilinear",
-                "wrap_mode": wrap,
-            }
+            bitmap = _bitmap(mi, texture.pixels, texture.wrap_s)
             bsdf = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": bitmap}}
         case s.Diffuse():
             assert closure.roughness == 0
@@ -123,7 +121,26 @@ def _bsdf(mi, scene: s.Scene, material: s.Material) -> dict:
             bsdf = {"type": "twosided", "bsdf": metal}
         case _:
             raise NotImplementedError(closure)
+    if material.normal is not None:
+        pixels = scene.textures[material.normal.texture].pixels
+        bsdf = {
+            "type": "normalmap",
+            "use_shadowing_function": False,
+            "flip_invalid_normals": False,
+            "normalmap": _bitmap(mi, pixels / 2 + 0.5, "clamp"),
+            "bsdf": bsdf,
+        }
     return bsdf
+
+
+def _bitmap(mi, pixels: np.ndarray, wrap: str) -> dict:
+    return {
+        "type": "bitmap",
+        "bitmap": mi.Bitmap(np.ascontiguousarray(pixels, np.float32)),
+        "raw": True,
+        "filter_type": "bilinear",
+        "wrap_mode": wrap,
+    }
 
 
 def _emitter(mi, scene: s.Scene, light: s.Light, path: Path) -> dict:
@@ -170,9 +187,12 @@ def _rows_from_pole_to_pole(pixels: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray((pixels[i] * (1 - f) + pixels[i + 1] * f).astype(np.float32))
 
 
-def _write_ply(path: Path, points: np.ndarray, triangles: np.ndarray, st=None) -> None:
+def _write_ply(path: Path, points, triangles, st=None, normals=None) -> None:
     columns = [np.asarray(points, "<f4")]
     names = ["x", "y", "z"]
+    if normals is not None:
+        columns.append(np.asarray(normals, "<f4"))
+        names += ["nx", "ny", "nz"]
     if st is not None:
         # Mitsuba's images begin at v = 0 with their top row.
         columns.append(np.stack([st[:, 0], 1 - st[:, 1]], -1).astype("<f4"))
