@@ -162,7 +162,8 @@ def test_smooth_glass_is_invisible(integrator: str, name: str) -> None:
     got = pictures(in_white_world(GLASS, REFRACTING[name]), integrator, 16, samples=32, depth=200)
     if "interpolated" in name:
         assert got.mean() == pytest.approx(1, abs=2e-3)
-        assert got.mean(axis=0) == pytest.approx(np.ones(got.shape[1:]), abs=0.02)
+        error = got.std(axis=0, ddof=1) / np.sqrt(len(got))
+        assert (np.abs(got.mean(axis=0) - 1) < 0.01 + 5 * error).all()
     else:
         agreement(got, np.ones(got.shape[1:])).require(resolution=0.002)
 
