@@ -1,6 +1,7 @@
 #include "integrators/path_tracer.hpp"
 
 #include "paths/connect.hpp"
+#include "paths/densities.hpp"
 
 namespace usdmlt {
 namespace {
@@ -24,9 +25,9 @@ Spectrum direct_light(const Scene& scene, Sampler& sampler, const SubpathVertex&
     if (edge == 0) return {};
     double other = 0;
     if (!x0.light.delta) {
-        const float pdf =
-            z.closure.pdf(direction_to(z, z_previous), direction_to(z, x0), Known::eye);
-        other = squared_ratio(area_density(pdf, z, x0) * edge, pdf_direct);
+        const double pdf =
+            density_by_scattering(z, z.to_previous, x0, direction_to(z, x0), Known::eye, edge);
+        other = squared_ratio(pdf, pdf_direct);
     }
     return value * static_cast<float>(edge / (1 + other));
 }
@@ -73,7 +74,8 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             Spectrum value = throughput * radiance(scene.lights, v->light, -ray.direction);
             if (!is_black(value)) {
                 if (k > 1 && previous->component == non_delta) {
-                    const double p = area_density(pdf, *previous, *v) * v->edge_transmittance;
+                    const double p =
+                        area_density(pdf, *previous, *v, ray.direction) * v->edge_transmittance;
                     const double direct = pdf_direct(scene.lights, v->light, previous->position);
                     value *= static_cast<float>(1 / (1 + squared_ratio(direct, p)));
                 }
@@ -83,6 +85,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         if (v->infinite || v->closure.lobe_count == 0 || k == settings.depth) break;
 
         v->throughput = throughput;
+        v->to_previous = -ray.direction;
         sampler.seek(pair + light_pair);
         if (v->closure.has_non_delta && k + 1 >= settings.min_edges)
             record(direct_light(scene, sampler, *v, *previous, x0, statistics.rays), k + 1);

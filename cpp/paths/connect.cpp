@@ -9,16 +9,17 @@ double strategy_weight(const Scene& scene, const SubpathVertex* x, const Subpath
     // k = 1: light seen directly has one strategy.
     if (s + t == 2) return 1;
 
+    const Vec3f to_z = x ? direction_to(*x, z) : Vec3f{}, to_x = -to_z;
     double towards_light = 0;  // strategies with fewer light vertices than s
     if (s >= 1) {
-        const double p_eye = z_previous
-                                 ? density_by_scattering(z, *z_previous, *x, Known::eye, edge)
-                                 : density_from_lens(scene, z, *x, edge);
+        const double p_eye =
+            z_previous ? density_by_scattering(z, z.to_previous, *x, to_x, Known::eye, edge)
+                       : density_from_lens(scene, z, *x, to_x, edge);
         if (s == 1) {
             towards_light = x->light.delta ? 0 : squared_ratio(p_eye, densities.direct);
         } else {
-            const double p_eye_previous =
-                density_by_scattering(*x, z, *x_previous, Known::eye, x->edge_transmittance);
+            const double p_eye_previous = density_by_scattering(
+                *x, to_z, *x_previous, x->to_previous, Known::eye, x->edge_transmittance);
             double r1 = squared_ratio(p_eye, x->pdf_forward);
             double r2 = squared_ratio(p_eye_previous, x_previous->pdf_forward);
             const double direct = squared_ratio(densities.direct, densities.point);
@@ -38,16 +39,17 @@ double strategy_weight(const Scene& scene, const SubpathVertex* x, const Subpath
         double p_light, p_light_previous;
         if (s == 0) {
             p_light = densities.direct;
-            p_light_previous = density_from_light(scene, z, *z_previous, z.edge_transmittance) *
-                               (densities.direct > 0 ? densities.point / densities.direct : 0);
+            p_light_previous =
+                density_from_light(scene, z, *z_previous, z.to_previous, z.edge_transmittance) *
+                (densities.direct > 0 ? densities.point / densities.direct : 0);
         } else {
             if (s == 1)
-                p_light = density_from_light(scene, *x, z, edge) *
+                p_light = density_from_light(scene, *x, z, to_z, edge) *
                           (densities.direct > 0 ? densities.point / densities.direct : 0);
             else
-                p_light = density_by_scattering(*x, *x_previous, z, Known::light, edge);
-            p_light_previous = t > 2 ? density_by_scattering(z, *x, *z_previous, Known::light,
-                                                             z.edge_transmittance)
+                p_light = density_by_scattering(*x, x->to_previous, z, to_z, Known::light, edge);
+            p_light_previous = t > 2 ? density_by_scattering(z, to_x, *z_previous, z.to_previous,
+                                                             Known::light, z.edge_transmittance)
                                      : 0;
         }
         const bool joins = z_previous->component == non_delta && z_previous->can_connect();
@@ -60,7 +62,7 @@ double strategy_weight(const Scene& scene, const SubpathVertex* x, const Subpath
 
 Spectrum emitted_contribution(const Scene& scene, const Subpath& camera, int t) {
     const SubpathVertex& z = camera[t - 1];
-    return z.throughput * radiance(scene.lights, z.light, direction_to(z, camera[t - 2]));
+    return z.throughput * radiance(scene.lights, z.light, z.to_previous);
 }
 
 LightDensities light_densities(const Scene& scene, const SubpathVertex& x0,
@@ -84,16 +86,16 @@ Spectrum join(const Scene& scene, const SubpathVertex& x, const SubpathVertex* x
     const Vec3f to_z = direction_to(x, z), to_x = -to_z;
     Spectrum value = x.throughput * z.throughput;
     if (z_previous)
-        value *= scattering(z, to_x, direction_to(z, *z_previous));
+        value *= scattering(z, to_x, z.to_previous);
     else
         value *= static_cast<float>(scene.camera.importance(to_x) / scene.camera.pdf_lens());
     if (is_black(value)) return {};
     if (x_previous)
-        value *= scattering(x, direction_to(x, *x_previous), to_z);
+        value *= scattering(x, x.to_previous, to_z);
     else
         value *= radiance(scene.lights, x.light, to_z) * x.opacity;
     if (is_black(value)) return {};
-    return value * static_cast<float>(geometry_term(x, z));
+    return value * static_cast<float>(geometry_term(x, z, to_z));
 }
 
 }  // namespace usdmlt

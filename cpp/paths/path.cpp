@@ -29,7 +29,8 @@ Contribution contribution(const Scene& scene, const Path& path) {
     double f[3];
     for (int c = 0; c < 3; ++c) f[c] = emitted[c] * importance * path[0].opacity;
     for (int i = 1; i <= k; ++i) {
-        const double g = geometry_term(path[i - 1], path[i]) * path.edge[static_cast<size_t>(i)];
+        const double g = geometry_term(path[i - 1], path[i], direction_to(path[i - 1], path[i])) *
+                         path.edge[static_cast<size_t>(i)];
         Spectrum scattered(1.0f);
         if (i < k)
             scattered = scattering(path[i], direction_to(path[i], path[i - 1]),
@@ -58,24 +59,27 @@ double strategy_density(const Scene& scene, const Path& path, int s) {
     const int k = path.edges();
     const auto edge = [&](int i) { return path.edge[static_cast<size_t>(i)]; };
     const auto component = [&](int i) { return path.component[static_cast<size_t>(i)]; };
+    const auto direction = [&](int from, int to) { return direction_to(path[from], path[to]); };
     double p = 1;
     for (int i = 0; i < s; ++i) {
         if (i == 0)
             p *= s == 1 ? pdf_direct(scene.lights, path[0].light, path[1].position)
                         : pdf_point(scene.lights, path[0].light);
         else if (i == 1)
-            p *= density_from_light(scene, path[0], path[1], edge(1));
+            p *= density_from_light(scene, path[0], path[1], direction(0, 1), edge(1));
         else
-            p *= density_by_scattering(path[i - 1], path[i - 2], path[i], Known::light, edge(i),
-                                       component(i - 1));
+            p *=
+                density_by_scattering(path[i - 1], direction(i - 1, i - 2), path[i],
+                                      direction(i - 1, i), Known::light, edge(i), component(i - 1));
     }
     for (int i = k; i >= s; --i) {
         if (i == k)
             p *= scene.camera.pdf_lens();
         else if (i == k - 1)
-            p *= density_from_lens(scene, path[k], path[i], edge(k));
+            p *= density_from_lens(scene, path[k], path[i], direction(k, i), edge(k));
         else
-            p *= density_by_scattering(path[i + 1], path[i + 2], path[i], Known::eye, edge(i + 1),
+            p *= density_by_scattering(path[i + 1], direction(i + 1, i + 2), path[i],
+                                       direction(i + 1, i), Known::eye, edge(i + 1),
                                        component(i + 1));
     }
     return p;

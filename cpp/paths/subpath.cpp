@@ -1,5 +1,7 @@
 #include "paths/subpath.hpp"
 
+#include "paths/densities.hpp"
+
 namespace usdmlt {
 namespace {
 
@@ -27,7 +29,8 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
             surface_vertex(scene, hit, v);
         }
         v.throughput = weight;
-        v.pdf_forward = area_density(pdf, previous, v) * v.edge_transmittance;
+        v.to_previous = -ray.direction;
+        v.pdf_forward = area_density(pdf, previous, v, ray.direction) * v.edge_transmittance;
         v.pdf_reverse = 0;
         v.strategy_sum = 0;
         ++path.count;
@@ -35,17 +38,15 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
             path.pdf_direct = pdf_direct(scene.lights, previous.light, v.position);
         if (path.count == max_vertices || v.infinite || v.closure.lobe_count == 0) return;
 
-        const Vec3f known = -ray.direction;
+        const Vec3f known = v.to_previous;
         const Vec2f u = sampler.next_2d();
         const Vec2f choice = sampler.next_2d();
         ClosureSample sample;
         if (!v.closure.sample(known, role, choice.x, u, sample)) return;
         v.component = sample.component;
         const Known reverse = role == Known::eye ? Known::light : Known::eye;
-        previous.pdf_reverse =
-            area_density(v.closure.pdf(sample.direction, known, reverse, sample.component), v,
-                         previous) *
-            v.edge_transmittance;
+        previous.pdf_reverse = density_by_scattering(v, sample.direction, previous, known, reverse,
+                                                     v.edge_transmittance, sample.component);
         // Strategy that would join the previous vertex to this one.
         const int n = path.count - 1;
         const bool joins =

@@ -17,6 +17,7 @@ struct SubpathVertex : Vertex {
     Spectrum throughput;  // of the subpath up to here, before scattering here
     double pdf_forward = 0;
     double pdf_reverse = 0;
+    Vec3f to_previous;             // unit direction to the previous vertex
     float edge_transmittance = 1;  // of the edge from the previous vertex
     // Power-heuristic sum of the strategies that leave this subpath no more than this vertex's
     // index in vertices, relative to the strategy of exactly that many: see connect.hpp.

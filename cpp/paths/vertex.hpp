@@ -48,28 +48,28 @@ inline Vec3f offset_origin(const Vertex& v, Vec3f direction) {
 
 // ---- densities and geometry terms: their only place ------------------------------------------
 
+// Both take the edge's unit direction (of either sign), which callers have at hand.
+
 // Geometry term of the edge a–b in area measure:
 //     G = |cosθa cosθb| / r²,   and |cosθb| where a is at infinity (a direction, solid angle).
-inline double geometry_term(const Vertex& a, const Vertex& b) {
-    if (a.infinite) return abs_dot(b.normal, a.direction);
-    if (b.infinite) return abs_dot(a.normal, b.direction);
-    const Vec3f d = b.position - a.position;
-    const double r2 = length_squared(d);
+inline double geometry_term(const Vertex& a, const Vertex& b, Vec3f direction) {
+    if (a.infinite) return abs_dot(b.normal, direction);
+    if (b.infinite) return abs_dot(a.normal, direction);
+    const double r2 = length_squared(b.position - a.position);
     if (r2 == 0) return 0;
-    return std::fabs(double(dot(a.normal, d)) * dot(b.normal, d)) / (r2 * r2);
+    return double(abs_dot(a.normal, direction)) * abs_dot(b.normal, direction) / r2;
 }
 
 // Converts the density with which `from` generates `to` into area measure:
 //     p_A(to) = p_ω |cosθ_to| / r²;
 // from a vertex at infinity, p is the area density of the ray's origin: p_A = p |cosθ_to|; towards
 // infinity it stays in solid angle. The stop at a partly opaque surface is part of it.
-inline double area_density(double pdf, const Vertex& from, const Vertex& to) {
+inline double area_density(double pdf, const Vertex& from, const Vertex& to, Vec3f direction) {
     if (to.infinite) return pdf;
-    if (from.infinite) return pdf * abs_dot(to.normal, from.direction) * to.opacity;
-    const Vec3f d = to.position - from.position;
-    const double r2 = length_squared(d);
-    if (r2 == 0) return 0;
-    return pdf * std::fabs(double(dot(to.normal, d))) / (r2 * std::sqrt(r2)) * to.opacity;
+    const double projected = pdf * abs_dot(to.normal, direction) * to.opacity;
+    if (from.infinite) return projected;
+    const double r2 = length_squared(to.position - from.position);
+    return r2 > 0 ? projected / r2 : 0;
 }
 
 // Scattering at a vertex in the area-product measure: f·|cosθ_s|/|cosθ_g| at the light's side. The
