@@ -135,7 +135,8 @@ def read(path: str | os.PathLike[str]) -> Image:
         for a in spec.extra_attribs
         if a.name.startswith("usdmlt:") or a.name in _STANDARD_ATTRIBUTES
     }
-    color_space = spec.get_string_attribute("oiio:ColorSpace", color.DEFAULT)
+    # OpenImageIO before 3.1 renames what it finds in oiio:ColorSpace.
+    color_space = spec.get_string_attribute("colorInteropID", color.DEFAULT)
     return Image({"color": rgb, "alpha": alpha}, color_space=color_space, metadata=metadata)
 
 
