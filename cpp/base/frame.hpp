@@ -17,9 +17,8 @@ struct Frame {
         const float sign = std::copysign(1.0f, n.z);
         const float a = -1.0f / (sign + n.z);
         const float b = n.x * n.y * a;
-        return {{1 + sign * n.x * n.x * a, sign * b, -sign * n.x},
-                {b, sign + n.y * n.y * a, -n.y},
-                n};
+        return {
+            {1 + sign * n.x * n.x * a, sign * b, -sign * n.x}, {b, sign + n.y * n.y * a, -n.y}, n};
     }
     // Gram–Schmidt of a tangent against the normal; falls back where they are parallel.
     static Frame from_normal_and_tangent(Vec3f n, Vec3f tangent) {

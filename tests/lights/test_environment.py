@@ -134,7 +134,7 @@ def test_a_sun_beyond_the_range_of_the_image_leaves_the_rest_of_the_dome_alone(p
     pixels = np.full((16, 32, 3), 0.5, np.float32)
     pixels[3, 7], pixels[9, 9] = np.inf, np.nan
     lights = probe(scene.DomeLight((1.0, 1.0, 1.0), texture=0), textures=[scene.Texture(pixels)])
-    points, pdf = lights.sample_point(uniform(10_000))
+    _, pdf = lights.sample_point(uniform(10_000))
     assert (pdf > 0).mean() > 0.999
     assert np.isfinite(pdf).all()
     assert lights.power[0] == pytest.approx(np.pi * 4 * np.pi * 0.5, rel=0.02)

@@ -332,7 +332,7 @@ def layers() -> s.Scene:
 
 @scene
 def shaped_lights() -> s.Scene:
-    """All families of lights with a cone or a focus, an ellipsoid and a textured rect among them."""
+    """All families of lights with a cone or a focus; an ellipsoid and a textured rect, too."""
     rng = np.random.default_rng(7)
     down = (0, 0, 0)
     spot = s.Shaping(cone_angle_degrees=35, cone_softness=0.3)
