@@ -45,7 +45,7 @@ struct Material {
     std::vector<Operation> operations;  // empty: absorbs
     std::vector<Parameter> parameters;
     std::vector<TextureRead> reads;
-    Parameter opacity;            // as set: constant 1
+    Parameter opacity{.value = Spectrum(1.0f)};
     float opacity_threshold = 0;  // > 0: cut-out, there where opacity ≥ threshold
     Parameter normal;             // tangent space, [−1, 1]
     bool has_normal_map = false;

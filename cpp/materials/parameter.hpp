@@ -29,7 +29,7 @@ struct Parameter {
     Channel channel = Channel::rgb;                         // texture
     uint32_t index = 0;                                     // texture: a read; primvar: slot
     float scale[4] = {1, 1, 1, 1}, bias[4] = {0, 0, 0, 0};  // texture
-    Spectrum value;                                         // constant; primvar: fallback
+    Spectrum value{};                                       // constant; primvar: fallback
 
     bool is_constant() const { return source == Source::constant; }
 };
