@@ -91,7 +91,7 @@ class Diffuse:
 
 @dataclass
 class Translucent:
-    """Lambert transmission: what arrives on one side leaves the other: ``ND_translucent_bsdf``."""
+    """Lambert transmission from one side to the other, as ``ND_translucent_bsdf``."""
 
     color: Input = (1.0, 1.0, 1.0)
     weight: Input = 1.0
