@@ -54,6 +54,8 @@ struct Lights {
     float scene_radius = 1;
 
     bool empty() const { return selection.empty(); }  // nothing emits
+    // Whether u_select decides anything: the environment is one choice, but may be several lights.
+    bool has_choice() const { return choices.size() > 1 || environment.size() > 1; }
 
     // Once, after the last light was added. The sphere bounds all that can be lit.
     void finish(Vec3f center, float radius);

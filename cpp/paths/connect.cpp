@@ -73,7 +73,7 @@ LightDensities light_densities(const Scene& scene, const SubpathVertex& x0,
 bool sample_light(const Scene& scene, Sampler& sampler, const SubpathVertex& z, SubpathVertex& x0,
                   double& pdf_direct) {
     const Vec2f u = sampler.next_2d();
-    const float u_select = scene.lights.choices.size() > 1 ? sampler.next_1d() : 0;
+    const float u_select = scene.lights.has_choice() ? sampler.next_1d() : 0;
     LightPoint point;
     if (!sample_direct(scene.lights, z.position, u_select, u, point, pdf_direct)) return false;
     light_vertex(scene, point, x0);
