@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from support import scenes
-from support.rendering import build, picture, pictures
+from support.rendering import build, picture, pictures, rgba
 from support.statistics import agreement
 
 SEES = {
@@ -80,8 +80,6 @@ def test_each_path_length_agrees(name: str, edges: int) -> None:
 @pytest.mark.parametrize("name", SEES)
 def test_alpha_agrees(name: str) -> None:
     """Coverage is a matter of camera rays only: the same up to noise at half-covered pixels."""
-    from support.rendering import rgba
-
     built = build(scenes.build(name))
     path, bdpt = (rgba(built, i, samples=64, depth=2)[..., 3] for i in ("path", "bdpt"))
     assert np.abs(path - bdpt).max() < 0.2
