@@ -1,0 +1,144 @@
+"""The frames of the UsdLux conformance scenes against their irradiance integral.
+
+Set USDMLT_ASSETS to a folder that holds them (luxtest/usd/rect.usda, disk.usda, sphere.usda) to run
+these. Their material is put aside for white Lambert (as UsdPreviewSurface it has a Fresnel layer, and
+this is about light), so a pixel of direct light on the floor is E/π with
+
+    E = ∫ L(ω) S(ω) V cosθ cosθ' / r² dA,
+
+integrated here by a midpoint rule over the light's surface, with the shaping formulas of UsdLux and
+the shadow of the one small rectangle on the floor. Nothing of usdmlt but the stage reader is used
+for it; intensity, exposure, normalisation and temperature are the reader's and have tests of their
+own with numbers from the schema.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import t as student
+
+from support.rendering import pictures
+from support.statistics import sidak
+from usdmlt import scene as s
+from usdmlt.stage import load
+
+FOLDER = Path(os.environ.get("USDMLT_ASSETS", "/nonexistent")) / "luxtest" / "usd"
+
+pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="USDMLT_ASSETS has no luxtest")
+
+WIDTH = 32
+SEEDS = 16
+SUB = 2  # points per side of a pixel in the integral
+
+
+def light_points(light: s.Light, n: int = 24) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """World positions, normals of the emitting side and areas of a grid on the light."""
+    u, v = (np.stack(np.meshgrid(*[(np.arange(n) + 0.5) / n] * 2), -1).reshape(-1, 2)).T
+    down = np.tile((0.0, 0.0, -1.0), (n * n, 1))
+    match light:
+        case s.RectLight():
+            local = np.stack([(u - 0.5) * light.width, (v - 0.5) * light.height, 0 * u], 1)
+            area = np.full(n * n, light.width * light.height / n**2)
+            normal = down
+        case s.DiskLight():
+            r, phi = light.radius * np.sqrt(u), 2 * math.pi * v
+            local = np.stack([r * np.cos(phi), r * np.sin(phi), 0 * r], 1)
+            area = np.full(n * n, math.pi * light.radius**2 / n**2)
+            normal = down
+        case s.SphereLight():
+            z, phi = 2 * u - 1, 2 * math.pi * v
+            r = np.sqrt(1 - z * z)
+            normal = np.stack([r * np.cos(phi), r * np.sin(phi), z], 1)
+            local = light.radius * normal
+            area = np.full(n * n, 4 * math.pi * light.radius**2 / n**2)
+    m = light.transform
+    return local @ m[:3, :3] + m[3, :3], normal @ m[:3, :3], area
+
+
+def shaped(light: s.Light, direction: np.ndarray) -> np.ndarray:
+    """Radiance in directions (…, 3) that leave the light: (…, 3)."""
+    radiance = np.broadcast_to(np.asarray(light.radiance), direction.shape)
+    shaping = light.shaping
+    if shaping is None:
+        return radiance
+    axis = -light.transform[2, :3]
+    c = np.clip(direction @ axis, -1, 1)
+    f = np.abs(c)[..., None] ** shaping.focus
+    tint = np.asarray(shaping.focus_tint)
+    high = math.radians(shaping.cone_angle_degrees)
+    low = high * (1 - shaping.cone_softness)
+    t = np.clip((np.arccos(c) - low) / max(high - low, 1e-9), 0, 1)
+    cone = 1 - t * t * (3 - 2 * t)
+    return radiance * (tint + (1 - tint) * f) * cone[..., None]
+
+
+def blocked(a: np.ndarray, b: np.ndarray, quad: np.ndarray) -> np.ndarray:
+    """Whether segments a–b cross a rectangle given by corner and two edges."""
+    corner, eu, ev = quad
+    n = np.cross(eu, ev)
+    d = b - a
+    t = ((corner - a) @ n) / (d @ n)
+    p = a + d * t[..., None] - corner
+    u, v = p @ eu / (eu @ eu), p @ ev / (ev @ ev)
+    return (t > 0) & (t < 1) & (u > 0) & (u < 1) & (v > 0) & (v < 1)
+
+
+def expected_picture(scene: s.Scene) -> tuple[np.ndarray, np.ndarray]:
+    """E/π per pixel, and which pixels see only the floor at a distance from edges."""
+    x, y, z = scene.camera.transform[3, :3]
+    assert (x, z) == (0, 0)
+    left, right, bottom, top = scene.camera.window
+    sub = (np.arange(WIDTH * SUB) + 0.5) / (WIDTH * SUB)
+    column, row = np.meshgrid(sub, sub)
+    # The camera looks down −y with −z up in the picture.
+    px = (left + (right - left) * column) * y
+    pz = -(top - (top - bottom) * row) * y
+    floor = np.stack([px, 0 * px, pz], -1).reshape(-1, 1, 3)
+
+    small = next(mesh for mesh in scene.meshes if "angled" in mesh.name)
+    points = small.points @ small.transform[:3, :3] + small.transform[3, :3]
+    corner = points[np.argmin(points @ (1, 10, 0))]
+    eu = points[np.argmax(points @ (10, -1, 0))] - corner
+    ev = points[np.argmax(points @ (-1, 10, 0))] - corner
+
+    light = scene.lights[0]
+    p, n, area = light_points(light)
+    d = floor - p
+    r2 = (d * d).sum(-1)
+    w = d / np.sqrt(r2)[..., None]
+    cosines = np.maximum((w * n).sum(-1), 0) * np.maximum(-w[..., 1], 0)
+    visible = ~blocked(np.broadcast_to(p, d.shape), np.broadcast_to(floor, d.shape),
+                       np.array([corner, eu, ev]))  # fmt: skip
+    weight = cosines / r2 * area * visible
+    e = (shaped(light, w) * weight[..., None]).sum(1) / math.pi
+    e = e.reshape(WIDTH, SUB, WIDTH, SUB, 3)
+    picture = e.mean((1, 3))
+    smooth = np.ptp(e, axis=(1, 3)).max(-1) < 0.5 * picture.max(-1)  # no edge of a shadow or cone
+    seen = (np.abs(px) < 4.5) & (np.abs(pz) < 4.5) & ((np.abs(px) > 1.3) | (pz > 1.9) | (pz < -1.9))
+    return picture, seen.reshape(WIDTH, SUB, WIDTH, SUB).all((1, 3)) & smooth
+
+
+@pytest.mark.parametrize("frame", [1, 8, 12, 17, 33, 43])
+@pytest.mark.parametrize("name", ["rect", "disk", "sphere"])
+def test_the_floor_is_lit_as_the_integral_says(name: str, frame: int) -> None:
+    """Every pixel of the open floor, at a family-wise significance of 1e-4 per frame."""
+
+    scene = load(FOLDER / f"{name}.usda", frame=frame, width=WIDTH)
+    assert scene.height == WIDTH
+    scene.materials = [s.Material(s.Diffuse((1.0, 1.0, 1.0)))] * len(scene.materials)
+    expected, open_floor = expected_picture(scene)
+    lit = open_floor & (expected.max(-1) > 1e-3 * expected.max())
+    assert lit.sum() > 40
+    got = pictures(scene, "path", SEEDS, samples=64, depth=2)[:, lit]
+    mean, error = got.mean(0), got.std(0, ddof=1) / math.sqrt(SEEDS)
+    # The midpoint rule's own error: it shrinks with the square of the grid.
+    error = np.hypot(error, 2e-3 * expected[lit] + 1e-9)
+
+    p = 2 * student.sf(np.abs(mean - expected[lit]) / error, SEEDS - 1)
+    assert sidak(p) > 1e-4, (name, frame, float((mean / expected[lit]).mean()))
+    assert mean.sum() == pytest.approx(expected[lit].sum(), rel=5e-3)
