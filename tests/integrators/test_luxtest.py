@@ -1,8 +1,8 @@
 """The frames of the UsdLux conformance scenes against their irradiance integral.
 
 Set USDMLT_ASSETS to a folder that holds them (luxtest/usd/rect.usda, disk.usda, sphere.usda) to run
-these. Their material is put aside for white Lambert (as UsdPreviewSurface it has a Fresnel layer, and
-this is about light), so a pixel of direct light on the floor is E/π with
+these. Their material is put aside for white Lambert (as UsdPreviewSurface it has a Fresnel layer,
+and this is about light), so a pixel of direct light on the floor is E/π with
 
     E = ∫ L(ω) S(ω) V cosθ cosθ' / r² dA,
 

@@ -234,6 +234,32 @@ def shading_normals() -> s.Scene:
 
 
 @scene
+def tilted_normals() -> s.Scene:
+    """A floor that is lit by what two panels reflect, whose normals are turned by 40 degrees: light
+    subpaths do the work, and cosines to the two normals differ all in the same sense."""
+
+    def panel(x: float, turn: float, material: int) -> s.Mesh:
+        normal = rotate((0, 0, 1), turn)[:3, :3].T @ (0, -1, 0)
+        normals = s.Primvar(np.tile(normal, (4, 1)).astype(np.float32))
+        return quad((x, 1.6, -0.6), (1.2, 0, 0), (0, 0, 1.2), material, normals=normals)
+
+    up = facing((0, 0, 0), (0, 1, 0), (0, 0, 1))
+    return picture_of(
+        perspective((0, 0.9, 4), (0, 0.5, 0), 42),
+        meshes=[floor(0, 2.5), panel(-1.4, 40, 1), panel(0.2, -40, 2)],
+        materials=[
+            WHITE,
+            s.Material(s.Diffuse((0.9, 0.8, 0.7))),
+            s.Material(s.GeneralizedSchlick((0.8, 0.8, 0.8), roughness=0.4)),
+        ],
+        lights=[
+            s.DiskLight((12, 12, 12), 0.3, up @ translate(-0.9, 1.2, 0)),
+            s.DiskLight((12, 12, 12), 0.3, up @ translate(0.7, 1.2, 0)),
+        ],
+    )
+
+
+@scene
 def opacity() -> s.Scene:
     """Fractional coverage, of lamps too, and cut-outs by a texture's alpha."""
     rng = np.random.default_rng(8)
