@@ -16,13 +16,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from support import mitsuba as other
 from support import scenes
 from support.rendering import BOTH, build, pictures
 from support.scenes import GREY, RED, WHITE, picture_of
 from support.shapes import box, facing, floor, perspective, quad, rotate, sphere, translate
 from support.statistics import agreement
 from usdmlt import scene as s
+from usdmlt.testing import mitsuba as other
 
 
 def diffuse() -> s.Scene:
@@ -183,7 +183,9 @@ SCENES: dict[str, Callable[[], s.Scene]] = {
 def compare(mi, folder, name: str, seeds: int, samples: int, resolution: float) -> None:
     depth = 6
     scene = SCENES[name]()
-    theirs = other.pictures(mi, other.load(mi, scene, folder, depth), seeds, samples)
+    theirs = other.pictures(
+        mi, other.load(mi, scene, folder, depth, roulette_depth=1000), seeds, samples
+    )
     built = build(scene)
     for integrator in BOTH:
         ours = pictures(built, integrator, seeds, samples=samples, depth=depth)

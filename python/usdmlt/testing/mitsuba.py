@@ -8,17 +8,29 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from usdmlt import scene as s
 
 
-def load(mi, scene: s.Scene, folder: Path, depth: int):
-    """Mitsuba's scene of the same content."""
+class Untranslated(ValueError):
+    """The scene holds something that has no translation here."""
+
+
+def load(mi: Any, scene: s.Scene, folder: Path, depth: int, roulette_depth: int = 5) -> Any:
+    """Mitsuba's scene of the same content, for its path integrator.
+
+    ``mi``: the module, its variant set; ``folder``: where mesh files may be written, needed until
+    this returns; ``depth``: edges of the longest path; ``roulette_depth``: Mitsuba's ``rr_depth``.
+    Raises :class:`Untranslated`.
+    """
+    if scene.prototypes or any(not np.isscalar(mesh.materials) for mesh in scene.meshes):
+        raise Untranslated("instances or materials by triangle")
     content = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": depth, "rr_depth": 1000},
+        "integrator": {"type": "path", "max_depth": depth, "rr_depth": roulette_depth},
         "sensor": _sensor(mi, scene),
     }
     for i, mesh in enumerate(scene.meshes):
@@ -26,7 +38,7 @@ def load(mi, scene: s.Scene, folder: Path, depth: int):
         st = mesh.primvars["st"].values if "st" in mesh.primvars else None
         normals = None
         if mesh.normals is not None:
-            assert np.allclose(mesh.transform[:3, :3], np.eye(3))
+            _require(np.allclose(mesh.transform[:3, :3], np.eye(3)), "normals of a turned mesh")
             normals = mesh.normals.values
         path = folder / f"mesh{i}.ply"
         _write_ply(path, points, mesh.triangles, st, normals)
@@ -41,7 +53,12 @@ def load(mi, scene: s.Scene, folder: Path, depth: int):
     return mi.load_dict(content)
 
 
-def pictures(mi, loaded, seeds: int, samples: int) -> np.ndarray:
+def _require(condition: object, otherwise: str) -> None:
+    if not condition:
+        raise Untranslated(otherwise)
+
+
+def pictures(mi: Any, loaded: Any, seeds: int, samples: int) -> np.ndarray:
     """(seeds, h, w, 3); the sampler is independent, so seeds are too."""
     return np.stack(
         [np.array(mi.render(loaded, spp=samples, seed=seed)) for seed in range(seeds)]
@@ -56,9 +73,8 @@ def _matrix(mi, m: np.ndarray):
 def _sensor(mi, scene: s.Scene) -> dict:
     camera = scene.camera
     left, right, bottom, top = camera.window
-    assert left == -right
-    assert bottom == -top
-    assert camera.projection == "perspective"
+    centred = math.isclose(left, -right, rel_tol=1e-6) and math.isclose(bottom, -top, rel_tol=1e-6)
+    _require(centred and camera.projection == "perspective", "an off-centre or orthographic camera")
     # Mitsuba's cameras look along +z with +x to the left.
     turn = np.diag([-1.0, 1.0, -1.0, 1.0])
     sensor = {
@@ -98,7 +114,7 @@ def _bsdf(mi, scene: s.Scene, material: s.Material) -> dict:
             bitmap = _bitmap(mi, texture.pixels, texture.wrap_s)
             bsdf = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": bitmap}}
         case s.Diffuse():
-            assert closure.roughness == 0
+            _require(closure.roughness == 0, "Oren-Nayar")
             bsdf = {
                 "type": "twosided",
                 "bsdf": {"type": "diffuse", "reflectance": _rgb(closure.color)},
@@ -120,7 +136,7 @@ def _bsdf(mi, scene: s.Scene, material: s.Material) -> dict:
             }
             bsdf = {"type": "twosided", "bsdf": metal}
         case _:
-            raise NotImplementedError(closure)
+            raise Untranslated(type(closure).__name__)
     if material.normal is not None:
         pixels = scene.textures[material.normal.texture].pixels
         bsdf = {
@@ -155,7 +171,7 @@ def _emitter(mi, scene: s.Scene, light: s.Light, path: Path) -> dict:
             shape = {"type": "ply", "filename": str(path), "face_normals": True}
             return shape | {"emitter": area, "bsdf": black}
         case s.SphereLight():
-            assert np.array_equal(m[:3, :3], np.eye(3))
+            _require(np.array_equal(m[:3, :3], np.eye(3)), "a scaled sphere light")
             shape = {"type": "sphere", "center": m[3, :3].tolist(), "radius": light.radius}
             return shape | {"emitter": area, "bsdf": black}
         case s.DistantLight(angle_degrees=0.0):
@@ -172,7 +188,7 @@ def _emitter(mi, scene: s.Scene, light: s.Light, path: Path) -> dict:
                 "to_world": _matrix(mi, m),
             }
         case _:
-            raise NotImplementedError(light)
+            raise Untranslated(type(light).__name__)
 
 
 def _rows_from_pole_to_pole(pixels: np.ndarray) -> np.ndarray:

@@ -1,0 +1,1 @@
+"""Checks of pictures against other pictures and other renderers."""
