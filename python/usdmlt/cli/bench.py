@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     from usdmlt.stage import load
 
     Settings(samples=arguments.samples, depth=arguments.depth)  # refuses what cannot be rendered
-    results: dict[str, list[dict[str, Any]]] = {}
+    results: dict[str, list[Any]] = {}
     for path in arguments.scenes or shipped_scenes():
         scene = load(path, width=arguments.imageWidth)
         name = Path(path).stem

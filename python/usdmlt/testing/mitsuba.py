@@ -65,12 +65,12 @@ def pictures(mi: Any, loaded: Any, seeds: int, samples: int) -> np.ndarray:
     ).astype(np.float64)
 
 
-def _matrix(mi, m: np.ndarray):
+def _matrix(mi: Any, m: np.ndarray) -> Any:
     """Of column vectors, as Mitsuba has it."""
     return mi.ScalarTransform4f(m.T)
 
 
-def _sensor(mi, scene: s.Scene) -> dict:
+def _sensor(mi: Any, scene: s.Scene) -> dict[str, Any]:
     camera = scene.camera
     left, right, bottom, top = camera.window
     centred = math.isclose(left, -right, rel_tol=1e-6) and math.isclose(bottom, -top, rel_tol=1e-6)
@@ -102,17 +102,36 @@ def _sensor(mi, scene: s.Scene) -> dict:
     return sensor
 
 
-def _rgb(color) -> dict:
+def _number(value: object) -> float:
+    if not isinstance(value, (int, float)):
+        raise Untranslated("a textured number")
+    return float(value)
+
+
+def _texture(scene: s.Scene, index: int | None) -> s.Texture:
+    if index is None:
+        raise Untranslated("a missing texture")
+    return scene.textures[index]
+
+
+def _rgb(color: object) -> dict[str, Any]:
+    if not isinstance(color, (tuple, list, np.ndarray)):
+        raise Untranslated("a textured colour")
     return {"type": "rgb", "value": [float(c) for c in color]}
 
 
-def _bsdf(mi, scene: s.Scene, material: s.Material) -> dict:
+def _bsdf(mi: Any, scene: s.Scene, material: s.Material) -> dict[str, Any]:
     closure = material.closure
+    _require(material.opacity == 1 and getattr(closure, "weight", 1) == 1, "opacity or weights")
+    bsdf: dict[str, Any]
     match closure:
         case s.Diffuse(color=s.TextureInput() as read):
-            texture = scene.textures[read.texture]
+            texture = _texture(scene, read.texture)
             bitmap = _bitmap(mi, texture.pixels, texture.wrap_s)
-            bsdf = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": bitmap}}
+            bsdf = {
+                "type": "twosided",
+                "bsdf": {"type": "diffuse", "reflectance": bitmap},
+            }
         case s.Diffuse():
             _require(closure.roughness == 0, "Oren-Nayar")
             bsdf = {
@@ -122,15 +141,15 @@ def _bsdf(mi, scene: s.Scene, material: s.Material) -> dict:
         case s.Dielectric(scatter_mode="RT"):
             smooth = closure.roughness == 0
             bsdf = {"type": "dielectric" if smooth else "roughdielectric"}
-            bsdf |= {"int_ior": float(closure.ior), "ext_ior": 1.0}
+            bsdf |= {"int_ior": _number(closure.ior), "ext_ior": 1.0}
             if not smooth:
-                bsdf |= {"distribution": "ggx", "alpha": float(closure.roughness)}
+                bsdf |= {"distribution": "ggx", "alpha": _number(closure.roughness)}
         case s.Conductor():
-            metal = {
+            metal: dict[str, Any] = {
                 "type": "roughconductor",
                 "distribution": "ggx",
                 "sample_visible": True,
-                "alpha": float(closure.roughness),
+                "alpha": _number(closure.roughness),
                 "eta": _rgb(closure.ior),
                 "k": _rgb(closure.extinction),
             }
@@ -138,7 +157,7 @@ def _bsdf(mi, scene: s.Scene, material: s.Material) -> dict:
         case _:
             raise Untranslated(type(closure).__name__)
     if material.normal is not None:
-        pixels = scene.textures[material.normal.texture].pixels
+        pixels = _texture(scene, material.normal.texture).pixels
         bsdf = {
             "type": "normalmap",
             "use_shadowing_function": False,
@@ -149,7 +168,7 @@ def _bsdf(mi, scene: s.Scene, material: s.Material) -> dict:
     return bsdf
 
 
-def _bitmap(mi, pixels: np.ndarray, wrap: str) -> dict:
+def _bitmap(mi: Any, pixels: np.ndarray, wrap: str) -> dict[str, Any]:
     return {
         "type": "bitmap",
         "bitmap": mi.Bitmap(np.ascontiguousarray(pixels, np.float32)),
@@ -159,20 +178,25 @@ def _bitmap(mi, pixels: np.ndarray, wrap: str) -> dict:
     }
 
 
-def _emitter(mi, scene: s.Scene, light: s.Light, path: Path) -> dict:
+def _emitter(mi: Any, scene: s.Scene, light: s.Light, path: Path) -> dict[str, Any]:
     area = {"type": "area", "radiance": _rgb(light.radiance)}
     black = {"type": "diffuse", "reflectance": 0.0}
     m = light.transform
+    _require(getattr(light, "shaping", None) is None, "a shaped light")
     match light:
-        case s.RectLight():
+        case s.RectLight(texture=None):
             x, y = light.width / 2, light.height / 2
             corners = np.array([(-x, -y, 0), (-x, y, 0), (x, y, 0), (x, -y, 0)])  # faces -z
             _write_ply(path, corners @ m[:3, :3] + m[3, :3], np.array([(0, 1, 2), (0, 2, 3)]))
-            shape = {"type": "ply", "filename": str(path), "face_normals": True}
+            shape: dict[str, Any] = {"type": "ply", "filename": str(path), "face_normals": True}
             return shape | {"emitter": area, "bsdf": black}
         case s.SphereLight():
             _require(np.array_equal(m[:3, :3], np.eye(3)), "a scaled sphere light")
-            shape = {"type": "sphere", "center": m[3, :3].tolist(), "radius": light.radius}
+            shape = {
+                "type": "sphere",
+                "center": m[3, :3].tolist(),
+                "radius": light.radius,
+            }
             return shape | {"emitter": area, "bsdf": black}
         case s.DistantLight(angle_degrees=0.0):
             direction = (-m[2, :3]).tolist()
@@ -181,7 +205,7 @@ def _emitter(mi, scene: s.Scene, light: s.Light, path: Path) -> dict:
         case s.DomeLight(texture=None):
             return {"type": "constant", "radiance": _rgb(light.radiance)}
         case s.DomeLight():
-            pixels = scene.textures[light.texture].pixels * np.array(light.radiance, np.float32)
+            pixels = _texture(scene, light.texture).pixels * np.array(light.radiance, np.float32)
             return {
                 "type": "envmap",
                 "bitmap": mi.Bitmap(_rows_from_pole_to_pole(pixels)),
@@ -203,7 +227,9 @@ def _rows_from_pole_to_pole(pixels: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray((pixels[i] * (1 - f) + pixels[i + 1] * f).astype(np.float32))
 
 
-def _write_ply(path: Path, points, triangles, st=None, normals=None) -> None:
+def _write_ply(
+    path: Path, points: Any, triangles: Any, st: Any = None, normals: Any = None
+) -> None:
     columns = [np.asarray(points, "<f4")]
     names = ["x", "y", "z"]
     if normals is not None:
