@@ -38,8 +38,9 @@ def load(mi: Any, scene: s.Scene, folder: Path, depth: int, roulette_depth: int 
         st = mesh.primvars["st"].values if "st" in mesh.primvars else None
         normals = None
         if mesh.normals is not None:
-            _require(np.allclose(mesh.transform[:3, :3], np.eye(3)), "normals of a turned mesh")
-            normals = mesh.normals.values
+            _require(mesh.normals.corners is None, "normals by corner")
+            normals = mesh.normals.values @ np.linalg.inv(mesh.transform[:3, :3]).T
+            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         path = folder / f"mesh{i}.ply"
         _write_ply(path, points, mesh.triangles, st, normals)
         content[f"mesh{i}"] = {
