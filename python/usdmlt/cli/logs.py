@@ -10,7 +10,7 @@ from typing import TextIO
 logger = logging.getLogger("usdmlt")
 
 
-class _Handler(logging.StreamHandler[TextIO]):
+class _Handler(logging.StreamHandler):  # type: ignore[type-arg]  # it takes none in Python 3.10
     """Writes to what sys.stderr is at the time: a progress bar puts itself in between."""
 
     def __init__(self) -> None:
