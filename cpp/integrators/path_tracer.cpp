@@ -47,7 +47,8 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
     Ray ray{camera_ray.origin, camera_ray.tnear, camera_ray.direction, camera_ray.tfar};
 
     Spectrum radiance_sum, throughput(1.0f);
-    double pdf = 0;  // of the ray's direction, by the BSDF
+    double pdf = 0;         // of the ray's direction, by the BSDF
+    float eta_squared = 1;  // of the medium the ray is in: what refraction took from the radiance
     alpha = 0;
     const auto record = [&](const Spectrum& value, int edges) {
         if (!is_finite(value)) {
@@ -98,7 +99,8 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         if (!v->closure.sample(-ray.direction, Known::eye, choice.x, u, sample)) break;
         v->component = sample.component;
         throughput *= sampling_weight(*v, -ray.direction, Known::eye, sample);
-        const float w = max_component(throughput);
+        eta_squared *= refraction_scale(*v, v->to_previous, Known::eye, sample);
+        const float w = max_component(throughput) * eta_squared;
         if (!(w > 0)) break;
         if (roulette) {
             const float q = continuation_probability(w);

@@ -13,6 +13,7 @@ constexpr int roulette_start = 2;
 void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf, Spectrum weight,
           int max_vertices, RayCounters& counters, Subpath& path) {
     const float start = max_component(weight);
+    float eta_squared = 1;
     for (;;) {
         SubpathVertex& previous = path[path.count - 1];
         SubpathVertex& v = path[path.count];
@@ -63,7 +64,8 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
         v.strategy_sum = (joins ? 1 : 0) + ratio * previous.strategy_sum;
 
         weight *= sampling_weight(v, known, role, sample);
-        const float w = max_component(weight);
+        eta_squared *= refraction_scale(v, known, role, sample);
+        const float w = max_component(weight) * eta_squared;
         if (!(w > 0)) return;
         if (path.roulette && n > roulette_start) {
             const float q = continuation_probability(w / start);

@@ -94,4 +94,13 @@ inline Spectrum sampling_weight(const Vertex& v, Vec3f known, Known role,
                            abs_dot(sample.direction, v.normal) / (cos_g * sample.pdf));
 }
 
+// (η_sampled/η_known)² of a Dirac refraction traced from the eye, else 1: undoes the scaling of
+// radiance, which is no loss of light and must not end walks that enter glass.
+inline float refraction_scale(const Vertex& v, Vec3f known, Known role,
+                              const ClosureSample& sample) {
+    if (role == Known::light || sample.component == non_delta) return 1;
+    return sqr(v.closure.eta_of_side(sample.direction, sample.component) /
+               v.closure.eta_of_side(known, sample.component));
+}
+
 }  // namespace usdmlt
