@@ -175,13 +175,24 @@ def test_white_diffuse_convex_objects_are_invisible(integrator: str) -> None:
     agreement(got, np.ones(got.shape[1:])).require(resolution=0.01)
 
 
+MIRRORED = scale(-1, 1, 1) @ rotate((1, 2, 3), 40)
+
+
 @pytest.mark.parametrize("integrator", BOTH)
-def test_radiance_inside_glass_is_scaled_by_the_index_squared(integrator: str) -> None:
+@pytest.mark.parametrize("placed", ["directly", "mirrored", "as a mirrored instance"])
+def test_radiance_inside_glass_is_scaled_by_the_index_squared(integrator: str, placed: str) -> None:
     """L/η² is what refraction keeps: a camera inside glass sees η² times the world's radiance, at
-    every pixel. Near the centre of a ball nothing is reflected totally."""
+    every pixel. Near the centre of a ball nothing is reflected totally. Sees a wrong power of η,
+    and an inside taken for the outside: that would be 1/η²."""
     eye = perspective((0.05, 0, 0.1), (1, 0.2, 0), 60)
-    shape = sphere(1.2, rings=32)
-    got = picture(in_white_world(GLASS, shape, camera=eye), integrator, samples=32, depth=60)
+    scene = in_white_world(GLASS, sphere(1.2, rings=32), camera=eye)
+    if placed == "mirrored":
+        scene.meshes[0].transform = MIRRORED
+    elif placed == "as a mirrored instance":
+        scene.prototypes = [s.Prototype(scene.meshes)]
+        scene.instances = [s.Instances(0, MIRRORED[None])]
+        scene.meshes = []
+    got = picture(scene, integrator, samples=32, depth=60)
     assert got == pytest.approx(np.full_like(got, 1.5**2), rel=3e-4)
 
 

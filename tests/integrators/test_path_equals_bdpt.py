@@ -25,6 +25,7 @@ SEES = {
     "glossy": "densities of microfacets in the two directions, cylinder and sphere lights",
     "rough_glass": "η² of rough refraction, adjoint of transmission",
     "smooth_glass": "Dirac densities in weights: strategies that cannot connect counted as if",
+    "caustics": "strategies that would join at a Dirac vertex, on the side of light subpaths",
     "thin_lens": "density of the lens, splats through it",
     "dome_and_distant": "densities from infinity: solid angle against area; the Dirac sun",
     "instances": "areas and normals under non-uniform and mirroring transforms, lamps among them",
@@ -43,8 +44,8 @@ def test_every_scene_is_covered() -> None:
     assert set(SEES) == set(scenes.SCENES)
 
 
-# The path tracer finds light that two panels reflect by chance only.
-SAMPLES = {"tilted_normals": 256}
+# Where the path tracer finds most light by chance only.
+SAMPLES = {"tilted_normals": 256, "caustics": 64}
 
 
 def compare(name: str, seeds: int, samples: int, filter: str = "box", depth: int = 6):
@@ -66,9 +67,10 @@ def test_path_equals_bdpt_with_many_samples(name: str) -> None:
     compare(name, 48, 16 * SAMPLES.get(name, 24)).require(resolution=0.004)
 
 
-def test_splats_see_the_same_pixel_filter() -> None:
+@pytest.mark.parametrize("name", ["emission", "caustics"])
+def test_splats_see_the_same_pixel_filter(name: str) -> None:
     """With a Gaussian, splats are spread as camera samples are, at the picture's edge too."""
-    compare("emission", seeds=24, samples=24, filter="gaussian").require(resolution=0.01)
+    compare(name, seeds=24, samples=64, filter="gaussian").require(resolution=0.01)
 
 
 @pytest.mark.parametrize("name", ["diffuse_box", "smooth_glass", "dome_and_distant", "opacity"])

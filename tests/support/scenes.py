@@ -137,6 +137,28 @@ def smooth_glass() -> s.Scene:
 
 
 @scene
+def caustics() -> s.Scene:
+    """A lamp that shines at a mirror and through a glass block, and at nothing else: what is seen on
+    the floor comes from light subpaths by Dirac vertices."""
+    glass = s.Material(s.Dielectric(1.5, 0.0, scatter_mode="RT"))
+    mirror = s.Material(s.Conductor((0.2, 0.4, 1.4), (3.4, 2.3, 1.8), 0.0))
+    up, down = facing((0, 0, 0), (0, 1, 0), (0, 0, 1)), facing((0, 0, 0), (0, -1, 0), (0, 0, 1))
+    return picture_of(
+        perspective((0, 3, 3.5), (0, 0, 0.6), 30),
+        meshes=[
+            floor(0),
+            quad((-1.6, 1.5, -0.5), (1.2, 0.2, 0), (0, 0, 1), 1),
+            box((0.2, 0.35, -0.5), (1.2, 0.65, 0.5), 2),
+        ],
+        materials=[WHITE, mirror, glass],
+        lights=[
+            s.DiskLight((5, 5, 5), 0.6, up @ translate(-0.9, 0.9, 0)),
+            s.DiskLight((5, 5, 5), 0.6, down @ translate(0.7, 1.0, 0)),
+        ],
+    )
+
+
+@scene
 def thin_lens() -> s.Scene:
     """A wide lens focused on the middle of three boxes, one of them glowing."""
     glow = s.Material(s.Add(s.Diffuse((0.5, 0.5, 0.5)), s.UniformEmission((1.0, 0.7, 0.4))))
