@@ -138,8 +138,10 @@ def smooth_glass() -> s.Scene:
 
 @scene
 def caustics() -> s.Scene:
-    """A lamp that shines at a mirror and through a glass block, and at nothing else: what is seen on
-    the floor comes from light subpaths by Dirac vertices."""
+    """A lamp that shines at a mirror and through a glass block, and at nothing else.
+
+    What is seen on the floor comes from light subpaths by Dirac vertices.
+    """
     glass = s.Material(s.Dielectric(1.5, 0.0, scatter_mode="RT"))
     mirror = s.Material(s.Conductor((0.2, 0.4, 1.4), (3.4, 2.3, 1.8), 0.0))
     up, down = facing((0, 0, 0), (0, 1, 0), (0, 0, 1)), facing((0, 0, 0), (0, -1, 0), (0, 0, 1))
