@@ -66,9 +66,7 @@ def test_authored_extents_are_those_of_the_geometry(scene_path: Path) -> None:
         if prim.IsA(UsdGeom.Capsule_1) and Usd.GetVersion() < (0, 26, 11):
             continue  # computed there as if both ends had the greater radius
         for a, b in zip(authored, computed, strict=True):
-            # Newer ones compute capsules of two radii a few per cent too small.
-            slack = 0.05 if prim.IsA(UsdGeom.Capsule_1) else 2e-3
-            assert a == pytest.approx(b, abs=slack * max(map(abs, b))), prim.GetPath()
+            assert a == pytest.approx(b, abs=2e-3 * max(map(abs, b))), prim.GetPath()
         checked += 1
     assert checked >= 4
 
