@@ -183,9 +183,8 @@ SCENES: dict[str, Callable[[], s.Scene]] = {
 def compare(mi, folder, name: str, seeds: int, samples: int, resolution: float) -> None:
     depth = 6
     scene = SCENES[name]()
-    theirs = other.pictures(
-        mi, other.load(mi, scene, folder, depth, roulette_depth=1000), seeds, samples
-    )
+    loaded = other.load(mi, scene, folder, depth, roulette_depth=1000)
+    theirs = other.pictures(mi, loaded, seeds, 3 * samples)  # unstratified
     built = build(scene)
     for integrator in BOTH:
         ours = pictures(built, integrator, seeds, samples=samples, depth=depth)
