@@ -3,9 +3,12 @@
 //
 // Two kinds of sums live here, normalised differently when the image is developed:
 //   samples  values of camera samples, by the number of samples of their own pixel;
-//   splats   contributions of light subpaths anywhere, by the number of samples of the whole image.
+//   splats   contributions of paths anywhere, by their number per pixel of the whole image.
+// Beside them, for the error of the luminance: squares of samples, and splats by batch, each of
+// which is a sixteenth of the work.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdint>
@@ -18,29 +21,44 @@ namespace usdmlt {
 
 class Film {
 public:
+    static constexpr int batches = 16;
+
     // `scale` turns radiance into fixed point; it is part of the plan and independent of the
     // number of samples.
-    Film(int width, int height, double scale, bool with_splats);
+    Film(int width, int height, double scale, bool with_splats, bool with_error);
 
     int width() const { return width_; }
     int height() const { return height_; }
     double scale() const { return scale_; }
     bool has_splats() const { return !splats_.empty(); }
+    bool has_error() const { return !squares_.empty(); }
 
-    // Adds the sum of `count` samples of a pixel; alpha in the fourth lane of doubles.
-    void add_samples(int x, int y, const double sum[4], int64_t count) {
-        int64_t* p = &samples_[index(x, y) * 5];
-        for (int c = 0; c < 4; ++c) add(p[c], sum[c]);
-        std::atomic_ref<int64_t>(p[4]).fetch_add(count, std::memory_order_relaxed);
+    // Adds one sample of a pixel; alpha in the fourth lane of doubles.
+    void add_sample(int x, int y, const double value[4]) {
+        const size_t i = index(x, y);
+        int64_t* p = &samples_[i * 5];
+        for (int c = 0; c < 4; ++c) add(p[c], value[c] * scale_);
+        std::atomic_ref<int64_t>(p[4]).fetch_add(1, std::memory_order_relaxed);
+        if (has_error()) {
+            const double v = 0.2126 * value[0] + 0.7152 * value[1] + 0.0722 * value[2];
+            add(squares_[i], std::min(v * scale_ * (v * scale_) * square_unit, 0x1p60));
+        }
     }
-    void add_splat(int x, int y, const Spectrum& value) {
-        int64_t* p = &splats_[index(x, y) * 3];
-        for (int c = 0; c < 3; ++c) add(p[c], value[c]);
+    void add_splat(int x, int y, const Spectrum& value, int batch) {
+        const size_t i = index(x, y);
+        int64_t* p = &splats_[i * 3];
+        for (int c = 0; c < 3; ++c) add(p[c], value[c] * scale_);
+        if (has_error()) add(batch_sums_[i * batches + size_t(batch)], luminance(value) * scale_);
     }
 
-    // RGBA in row-major order, top row first: samples / their count + splats · pixels / all
-    // samples. Not to be called while units are running.
-    void develop(float* rgba, double exposure) const;
+    // RGBA in row-major order, top row first: samples / their count + splats / splats_per_pixel.
+    // Not to be called while units are running.
+    void develop(float* rgba, double splats_per_pixel, double exposure) const;
+
+    // Standard error of the picture's luminance by pixel: from the spread of the samples, taken as
+    // independent, and of the batches of splats; share[b] is the part of all splats in batch b.
+    void develop_error(float* error, double splats_per_pixel, const double share[batches],
+                       double exposure) const;
 
     // Deposits that did not fit; the picture is then wrong and the user is told.
     uint64_t overflows() const { return overflows_.load(); }
@@ -48,8 +66,7 @@ public:
 
 private:
     size_t index(int x, int y) const { return size_t(y) * width_ + x; }
-    void add(int64_t& sum, double value) {
-        const double fixed = value * scale_;
+    void add(int64_t& sum, double fixed) {
         constexpr double limit = 0x1p62;
         if (!(std::fabs(fixed) < limit)) {
             overflows_.fetch_add(1, std::memory_order_relaxed);
@@ -62,10 +79,15 @@ private:
             overflows_.fetch_add(1, std::memory_order_relaxed);
     }
 
+    // Squares are kept coarser, so that those of bright samples fit.
+    static constexpr double square_unit = 0x1p-32;
+
     int width_, height_;
     double scale_;
-    std::vector<int64_t> samples_;  // r, g, b, alpha, count per pixel
-    std::vector<int64_t> splats_;   // r, g, b per pixel
+    std::vector<int64_t> samples_;     // r, g, b, alpha, count per pixel
+    std::vector<int64_t> splats_;      // r, g, b per pixel
+    std::vector<int64_t> squares_;     // of the samples' luminance, per pixel
+    std::vector<int64_t> batch_sums_;  // luminance of splats per pixel and batch
     std::atomic<uint64_t> overflows_{0};
 };
 

@@ -5,6 +5,7 @@
 // r − offset, offset ~ h. Camera samples and splats see the same filter, also at the image's edge.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 #include "base/vec.hpp"
@@ -15,6 +16,11 @@ struct PixelFilter {
     enum class Kind : uint8_t { box, gaussian };
     Kind kind = Kind::gaussian;
     float sigma = 0.35f;  // of h, in pixels; the whole filter has σ² + 1/12
+
+    // How far outside the image a sample can lie and still belong to a pixel.
+    float reach() const {
+        return kind == Kind::box ? 0 : sigma * std::sqrt(2 * 12 * std::log(2.0f));
+    }
 
     // Box–Muller, cut at 4σ by the range of the uniform number.
     Vec2f offset(Vec2f u) const {

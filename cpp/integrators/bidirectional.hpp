@@ -3,22 +3,13 @@
 #pragma once
 
 #include "film/film.hpp"
-#include "integrators/settings.hpp"
-#include "integrators/statistics.hpp"
+#include "integrators/strategies.hpp"
 #include "integrators/tiles.hpp"
-#include "paths/subpath.hpp"
 
 namespace usdmlt {
 
-struct BidirectionalScratch {
-    Subpath camera, light;
-    SubpathVertex end;  // x0 of next-event estimation, or the lens of t = 1
-
-    explicit BidirectionalScratch(int depth) : camera(depth + 2), light(depth + 1) {}
-};
-
 void render_bidirectional_unit(const Scene& scene, const Settings& settings, const Tiles& tiles,
-                               int64_t index, BidirectionalScratch& scratch, Film& film,
+                               int64_t index, StrategyScratch& scratch, Film& film,
                                UnitStatistics& statistics);
 
 }  // namespace usdmlt

@@ -131,7 +131,7 @@ void render_path_unit(const Scene& scene, const Settings& settings, const Tiles&
                 trace_path(scene, settings, sampler, raster, scratch, statistics, alpha);
             ++statistics.samples;
             const double sum[4] = {value[0], value[1], value[2], alpha};
-            film.add_samples(x, y, sum, 1);
+            film.add_sample(x, y, sum);
         }
 }
 

@@ -45,20 +45,32 @@ double thread_cpu_seconds() {
 // Memory of one rendering thread.
 struct ThreadState {
     PathTracerScratch path;
-    BidirectionalScratch bidirectional;
+    std::unique_ptr<StrategyScratch> bidirectional;
+    std::unique_ptr<MetropolisScratch> metropolis;
     UnitStatistics statistics;
     double cpu_seconds = 0;
 
-    explicit ThreadState(int depth) : bidirectional(depth), statistics(depth) {}
+    ThreadState(const Scene& scene, const Settings& settings, const MetropolisPlan* plan)
+        : statistics(settings.depth) {
+        if (settings.integrator == IntegratorKind::bidirectional)
+            bidirectional = std::make_unique<StrategyScratch>(settings.depth);
+        if (plan) metropolis = std::make_unique<MetropolisScratch>(scene, *plan);
+    }
 };
 
-void render_unit(const Scene& scene, const Settings& settings, const Tiles& tiles, int64_t index,
-                 ThreadState& thread, Film& film) {
-    if (settings.integrator == IntegratorKind::path)
-        render_path_unit(scene, settings, tiles, index, thread.path, film, thread.statistics);
-    else
-        render_bidirectional_unit(scene, settings, tiles, index, thread.bidirectional, film,
-                                  thread.statistics);
+void render_unit(const Scene& scene, const Settings& settings, const MetropolisPlan* plan,
+                 const Tiles& tiles, int64_t index, ThreadState& thread, Film& film) {
+    switch (settings.integrator) {
+        case IntegratorKind::path:
+            return render_path_unit(scene, settings, tiles, index, thread.path, film,
+                                    thread.statistics);
+        case IntegratorKind::bidirectional:
+            return render_bidirectional_unit(scene, settings, tiles, index, *thread.bidirectional,
+                                             film, thread.statistics);
+        case IntegratorKind::metropolis:
+            return render_metropolis_unit(scene, *plan, tiles, index, *thread.metropolis, film,
+                                          thread.statistics);
+    }
 }
 
 }  // namespace
@@ -67,10 +79,44 @@ Render::Render(std::shared_ptr<const Scene> scene, const Settings& settings)
     : scene_(std::move(scene)),
       settings_(settings),
       tiles_(scene_->camera.width, scene_->camera.height),
+      metropolis_(settings.integrator == IntegratorKind::metropolis
+                      ? std::make_unique<MetropolisPlan>(*scene_, settings)
+                      : nullptr),
       film_(scene_->camera.width, scene_->camera.height, film_scale(*scene_, settings),
-            settings.integrator == IntegratorKind::bidirectional),
+            settings.integrator != IntegratorKind::path, settings.error_layer),
       statistics_(settings.depth) {
     settings_.background = settings.background && scene_->background;
+}
+
+int64_t Render::units_total() const {
+    if (!metropolis_) return tiles_.count() * settings_.samples;
+    const auto ceil_div = [](int64_t a, int64_t b) { return (a + b - 1) / b; };
+    const int64_t pixels = int64_t(film_.width()) * film_.height();
+    // Enough for one camera sample of every pixel, at least.
+    return std::max(ceil_div(pixels * settings_.samples, metropolis_->mutations_per_unit()),
+                    ceil_div(tiles_.count(), metropolis_->direct_tiles));
+}
+
+double Render::splats_per_pixel() const {
+    const double pixels = double(film_.width()) * film_.height();
+    return metropolis_ ? double(done_) * double(metropolis_->mutations_per_unit()) / pixels
+                       : double(film_.sample_count()) / pixels;
+}
+
+void Render::develop(float* rgba) const {
+    film_.develop(rgba, splats_per_pixel(), scene_->exposure);
+}
+
+void Render::develop_error(float* error) const {
+    // Units, or for tiles passes, go to the batches in turn.
+    double share[Film::batches] = {};
+    const int64_t in_turn = metropolis_ ? 1 : tiles_.count();
+    for (int b = 0; b < Film::batches; ++b) {
+        const int64_t cycle = Film::batches * in_turn, rest = done_ % cycle - b * in_turn;
+        const int64_t units = done_ / cycle * in_turn + std::clamp(rest, int64_t(0), in_turn);
+        share[b] = done_ > 0 ? double(units) / double(done_) : 0;
+    }
+    film_.develop_error(error, splats_per_pixel(), share, scene_->exposure);
 }
 
 int64_t Render::run(int64_t last, const RunLimits& limits) {
@@ -78,11 +124,13 @@ int64_t Render::run(int64_t last, const RunLimits& limits) {
     std::vector<std::unique_ptr<ThreadState>> threads(static_cast<size_t>(limits.threads));
     done_ = run_units(done_, last, limits, [&](int64_t index, int thread) {
         auto& state = threads[static_cast<size_t>(thread)];
-        if (!state) state = std::make_unique<ThreadState>(settings_.depth);
+        if (!state) state = std::make_unique<ThreadState>(*scene_, settings_, metropolis_.get());
         const double cpu = thread_cpu_seconds();
         state->statistics.reset();
-        render_unit(*scene_, settings_, tiles_, index, *state, film_);
+        render_unit(*scene_, settings_, metropolis_.get(), tiles_, index, *state, film_);
         statistics_.add(state->statistics, film_.scale());
+        if (state->metropolis)
+            metropolis_statistics_.add(state->metropolis->statistics, film_.scale());
         state->cpu_seconds += thread_cpu_seconds() - cpu;
     });
     for (const auto& state : threads)
@@ -93,12 +141,12 @@ int64_t Render::run(int64_t last, const RunLimits& limits) {
 
 RayRecorder Render::record_rays(size_t count) const {
     const FlushDenormals flush;
-    ThreadState state(settings_.depth);
-    Film film(film_.width(), film_.height(), film_.scale(), film_.has_splats());
+    ThreadState state(*scene_, settings_, metropolis_.get());
+    Film film(film_.width(), film_.height(), film_.scale(), film_.has_splats(), false);
     RayRecorder recorder;
     state.statistics.rays.recorder = &recorder;
     for (int64_t i = 0; i < units_total() && recorder.entries.size() < count; ++i)
-        render_unit(*scene_, settings_, tiles_, i, state, film);
+        render_unit(*scene_, settings_, metropolis_.get(), tiles_, i, state, film);
     if (recorder.entries.size() > count) recorder.entries.resize(count);
     return recorder;
 }

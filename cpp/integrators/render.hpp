@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "integrators/bidirectional.hpp"
+#include "integrators/metropolis.hpp"
 #include "integrators/path_tracer.hpp"
 #include "integrators/scheduler.hpp"
 
@@ -11,8 +12,8 @@ namespace usdmlt {
 
 class Render {
 public:
-    // Makes the plan: the film's scale comes from a short pilot of camera samples, counted, that
-    // deposits nothing.
+    // Makes the plan: the film's scale and what Metropolis light transport adapts come from short
+    // pilots, counted, that deposit nothing.
     Render(std::shared_ptr<const Scene> scene, const Settings& settings);
 
     const Scene& scene() const { return *scene_; }
@@ -20,8 +21,15 @@ public:
     const Film& film() const { return film_; }
     const Statistics& statistics() const { return statistics_; }
 
-    int64_t units_total() const { return tiles_.count() * settings_.samples; }
+    // Of Metropolis light transport, else null.
+    const MetropolisPlan* metropolis() const { return metropolis_.get(); }
+    const MetropolisStatistics& metropolis_statistics() const { return metropolis_statistics_; }
+
+    int64_t units_total() const;
     int64_t units_done() const { return done_; }
+    // RGBA and standard error of the luminance, by pixel; see Film.
+    void develop(float* rgba) const;
+    void develop_error(float* error) const;
     double seconds() const { return seconds_; }
     double cpu_seconds() const { return cpu_seconds_; }
 
@@ -32,11 +40,15 @@ public:
     RayRecorder record_rays(size_t count) const;
 
 private:
+    double splats_per_pixel() const;
+
     std::shared_ptr<const Scene> scene_;
     Settings settings_;
     Tiles tiles_;
+    std::unique_ptr<const MetropolisPlan> metropolis_;
     Film film_;
     Statistics statistics_;
+    MetropolisStatistics metropolis_statistics_;
     int64_t done_ = 0;
     double seconds_ = 0, cpu_seconds_ = 0;
 };

@@ -2,21 +2,28 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "film/pixel_filter.hpp"
 
 namespace usdmlt {
 
-enum class IntegratorKind : uint8_t { path, bidirectional };
+enum class IntegratorKind : uint8_t { path, bidirectional, metropolis };
 
 struct Settings {
     IntegratorKind integrator = IntegratorKind::path;
-    int samples = 64;   // per pixel
+    int samples = 64;   // per pixel; mutations per pixel for metropolis
     int depth = 16;     // edges of the longest path
     int min_edges = 1;  // of the shortest path that is recorded
     uint64_t seed = 0;
     PixelFilter filter;
-    bool background = true;  // environments are seen directly by the camera
+    bool background = true;   // environments are seen directly by the camera
+    bool error_layer = true;  // the film keeps what the standard error needs
+
+    // Metropolis only.
+    bool direct_separately = true;         // paths of up to two edges by path tracing
+    bool two_stage = false;                // the target is divided by a coarse picture
+    std::vector<double> mutation_weights;  // by mutation; empty: the pilot decides
 };
 
 }  // namespace usdmlt

@@ -42,7 +42,7 @@ public:
     }
     uint64_t closest() const { return closest_; }
     uint64_t shadow() const { return shadow_; }
-    uint64_t samples() const { return samples_; }
+    uint64_t samples() const { return samples_; }  // of the camera
     uint64_t non_finite() const { return non_finite_; }
     // Mean luminance of the image by path length.
     std::vector<double> energy(double scale) const {

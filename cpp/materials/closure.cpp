@@ -247,4 +247,24 @@ bool Closure::sample_lobes(Vec3f known_world, Known role, float u_lobe, Vec2f u,
     return out.pdf > 0;
 }
 
+bool Closure::delta_direction(Vec3f known_world, Component component, Vec3f& sampled_world) const {
+    const int i = lobe_of(component);
+    const bool across = is_transmission(component);
+    Vec3f known;
+    if (i >= lobe_count || !scatters(lobes[i], across) || !to_local(*this, known_world, known))
+        return false;
+    Vec3f sampled{-known.x, -known.y, known.z};
+    if (across) {
+        const float side = known.z > 0 ? 1.0f : -1.0f;
+        const interface_lobe::Split s =
+            interface_lobe::split(lobes[i], std::fabs(known.z), side > 0);
+        if (!(s.P_T > 0)) return false;  // total reflection
+        const float m = interface_lobe::relative_index(lobes[i], side > 0);
+        sampled = normalize(interface_lobe::refract(known, {0, 0, side}, m, s.cos_t));
+        if (!(sampled.z * side < 0)) return false;
+    }
+    sampled_world = shading.to_world(sampled);
+    return sampled.z * dot(sampled_world, geometric_normal) > 0;
+}
+
 }  // namespace usdmlt

@@ -148,6 +148,15 @@ struct Closure {
         return out.pdf > 0 && same_side(known, out.direction);
     }
 
+    // The one direction into which a Dirac component scatters light from (or importance to)
+    // `known`; false where it does not.
+    bool delta_direction(Vec3f known, Component component, Vec3f& sampled) const;
+
+    // |cosθ|·η² of a direction: what turns a discrete probability of a Dirac component into pdf.
+    float delta_measure(Vec3f sampled, Component component) const {
+        return abs_dot(sampled, shading.z) * sqr(eta_of_side(sampled, component));
+    }
+
     // Relative index on the side of `direction` for a Dirac component (1 outside).
     float eta_of_side(Vec3f direction, Component component) const {
         if (component == non_delta || dot(direction, geometric_normal) >= 0) return 1;

@@ -4,12 +4,15 @@
 
 namespace usdmlt {
 
-Path join_subpaths(const Subpath& light, int s, const Subpath& camera, int t, float edge) {
-    Path path;
+void join_subpaths(const Subpath& light, int s, const Subpath& camera, int t, float edge,
+                   Path& path) {
+    path.vertices.clear();
     const auto append = [&](const SubpathVertex& v, float before) {
-        path.vertices.push_back(&v);
-        path.component.push_back(v.component);
-        path.edge.push_back(before);
+        PathVertex vertex;
+        vertex.vertex = &v;
+        vertex.component = v.component;
+        vertex.edge = before;
+        path.vertices.push_back(vertex);
     };
     for (int i = 0; i < s; ++i) append(light[i], i > 0 ? light[i].edge_transmittance : 1);
     for (int i = t - 1; i >= 0; --i) {
@@ -17,29 +20,75 @@ Path join_subpaths(const Subpath& light, int s, const Subpath& camera, int t, fl
         const bool first = i == t - 1;
         append(camera[i], first ? (s > 0 ? edge : 1) : camera[i + 1].edge_transmittance);
     }
-    if (s > 0) path.component[static_cast<size_t>(s) - 1] = non_delta;
-    path.component[static_cast<size_t>(s)] = non_delta;
-    return path;
+    if (s > 0) path.at(s - 1).component = non_delta;
+    path.at(s).component = non_delta;
+    update_edges(path, 1, path.edges());
 }
 
-Contribution contribution(const Scene& scene, const Path& path) {
-    const int k = path.edges();
-    const Spectrum emitted = radiance(scene.lights, path[0].light, direction_to(path[0], path[1]));
-    const double importance = scene.camera.importance(direction_to(path[k], path[k - 1]));
-    double f[3];
-    for (int c = 0; c < 3; ++c) f[c] = emitted[c] * importance * path[0].opacity;
-    for (int i = 1; i <= k; ++i) {
-        const double g = geometry_term(path[i - 1], path[i], direction_to(path[i - 1], path[i])) *
-                         path.edge[static_cast<size_t>(i)];
-        Spectrum scattered(1.0f);
-        if (i < k)
-            scattered = scattering(path[i], direction_to(path[i], path[i - 1]),
-                                   direction_to(path[i], path[i + 1]),
-                                   path.component[static_cast<size_t>(i)]) *
-                        path[i].opacity;
-        for (int c = 0; c < 3; ++c) f[c] *= g * scattered[c];
+void update_edges(Path& path, int first, int last) {
+    for (int i = first; i <= last; ++i) {
+        PathVertex& v = path.at(i);
+        v.direction = direction_to(path[i - 1], path[i]);
+        v.geometry = geometry_term(path[i - 1], path[i], v.direction) * v.edge;
     }
-    return {{f[0], f[1], f[2]}};
+}
+
+bool update_scattering(const Scene& scene, Path& path, int first, int last) {
+    const int k = path.edges();
+    for (int i = first; i <= last; ++i) {
+        PathVertex& v = path.at(i);
+        if (i == 0)
+            v.scattering = radiance(scene.lights, path[0].light, path.to_eye(0)) * path[0].opacity;
+        else if (i == k)
+            v.scattering = Spectrum(static_cast<float>(scene.camera.importance(path.to_light(k))));
+        else
+            v.scattering = scattering(path[i], path.to_light(i), path.to_eye(i), v.component) *
+                           path[i].opacity;
+        if (is_black(v.scattering)) return false;
+    }
+    return true;
+}
+
+Contribution product_of_factors(const Path& path) {
+    Contribution f;
+    const Spectrum& emitted = path.at(0).scattering;
+    for (int c = 0; c < 3; ++c) f.c[c] = emitted[c];
+    for (int i = 1; i <= path.edges(); ++i) {
+        const PathVertex& v = path.at(i);
+        for (int c = 0; c < 3; ++c) f.c[c] *= v.geometry * v.scattering[c];
+        const double size = std::max({std::fabs(f.c[0]), std::fabs(f.c[1]), std::fabs(f.c[2])});
+        constexpr double large = 0x1p256, small = 0x1p-256;
+        if ((size > large && size < 0x1p1023) || (size < small && size > 0)) {
+            int e;
+            std::frexp(size, &e);
+            for (int c = 0; c < 3; ++c) f.c[c] = std::ldexp(f.c[c], -e);
+            f.exponent += e;
+        }
+    }
+    return f;
+}
+
+Contribution contribution(const Scene& scene, Path& path) {
+    update_edges(path, 1, path.edges());
+    if (!update_scattering(scene, path, 0, path.edges())) return {};
+    return product_of_factors(path);
+}
+
+double density_from_light_side(const Scene& scene, const Path& path, int i) {
+    if (i == 0) return pdf_point(scene.lights, path[0].light);
+    const float edge = path.at(i).edge;
+    if (i == 1) return density_from_light(scene, path[0], path[1], path.to_eye(0), edge);
+    return density_by_scattering(path[i - 1], path.to_light(i - 1), path[i], path.to_eye(i - 1),
+                                 Known::light, edge, path.at(i - 1).component);
+}
+
+double density_from_eye_side(const Scene& scene, const Path& path, int i) {
+    const int k = path.edges();
+    if (i == k) return scene.camera.pdf_lens();
+    const float edge = path.at(i + 1).edge;
+    if (i == k - 1) return density_from_lens(scene, path[k], path[i], path.to_light(k), edge);
+    return density_by_scattering(path[i + 1], path.to_eye(i + 1), path[i], path.to_light(i + 1),
+                                 Known::eye, edge, path.at(i + 1).component);
 }
 
 bool has_strategy(const Path& path, int s) {
@@ -50,46 +99,25 @@ bool has_strategy(const Path& path, int s) {
     // The light point and the lens can always be joined, whatever surface they lie on.
     const auto joins = [&](int i) {
         if (i == 0 || i == k) return true;
-        return path.component[static_cast<size_t>(i)] == non_delta && path[i].can_connect();
+        return !path.is_delta(i) && path[i].can_connect();
     };
     return joins(s - 1) && joins(s);
 }
 
-double strategy_density(const Scene& scene, const Path& path, int s) {
-    const int k = path.edges();
-    const auto edge = [&](int i) { return path.edge[static_cast<size_t>(i)]; };
-    const auto component = [&](int i) { return path.component[static_cast<size_t>(i)]; };
-    const auto direction = [&](int from, int to) { return direction_to(path[from], path[to]); };
-    double p = 1;
-    for (int i = 0; i < s; ++i) {
-        if (i == 0)
-            p *= s == 1 ? pdf_direct(scene.lights, path[0].light, path[1].position)
-                        : pdf_point(scene.lights, path[0].light);
-        else if (i == 1)
-            p *= density_from_light(scene, path[0], path[1], direction(0, 1), edge(1));
-        else
-            p *=
-                density_by_scattering(path[i - 1], direction(i - 1, i - 2), path[i],
-                                      direction(i - 1, i), Known::light, edge(i), component(i - 1));
-    }
-    for (int i = k; i >= s; --i) {
-        if (i == k)
-            p *= scene.camera.pdf_lens();
-        else if (i == k - 1)
-            p *= density_from_lens(scene, path[k], path[i], direction(k, i), edge(k));
-        else
-            p *= density_by_scattering(path[i + 1], direction(i + 1, i + 2), path[i],
-                                       direction(i + 1, i), Known::eye, edge(i + 1),
-                                       component(i + 1));
-    }
+ScaledDouble strategy_density(const Scene& scene, const Path& path, int s) {
+    ScaledDouble p = 1;
+    for (int i = 0; i < s; ++i)
+        p *= i == 0 && s == 1 ? pdf_direct(scene.lights, path[0].light, path[1].position)
+                              : density_from_light_side(scene, path, i);
+    for (int i = path.edges(); i >= s; --i) p *= density_from_eye_side(scene, path, i);
     return p;
 }
 
 double power_heuristic(const Scene& scene, const Path& path, int s) {
-    const double p = strategy_density(scene, path, s);
+    const ScaledDouble p = strategy_density(scene, path, s);
     double sum = 0;
     for (int j = 0; j <= path.edges(); ++j)
-        if (has_strategy(path, j)) sum += sqr(strategy_density(scene, path, j) / p);
+        if (has_strategy(path, j)) sum += sqr(ratio(strategy_density(scene, path, j), p));
     return 1 / sum;
 }
 

@@ -17,18 +17,9 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
     for (;;) {
         SubpathVertex& previous = path[path.count - 1];
         SubpathVertex& v = path[path.count];
-        Hit hit;
-        const bool found =
-            trace(scene, ray, sampler.stream(), counters, hit, v.opacity, v.edge_transmittance);
-        if (!found) {
-            LightPoint point;
-            if (role == Known::light || !environment_point(scene.lights, ray.direction, point))
-                return;
-            light_vertex(scene, point, v);
-            v.opacity = 1;
-        } else {
-            surface_vertex(scene, hit, v);
-        }
+        if (!trace_vertex(scene, ray, role == Known::eye, sampler.stream(), counters, v,
+                          v.edge_transmittance))
+            return;
         v.throughput = weight;
         v.to_previous = -ray.direction;
         v.pdf_forward = area_density(pdf, previous, v, ray.direction) * v.edge_transmittance;

@@ -92,7 +92,7 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
         v.closure.shading.z = v.normal;
         v.closure.emission = {};
         v.closure.lobe_count = v.closure.cover_count = 0;
-        v.closure.has_non_delta = false;
+        v.closure.has_non_delta = v.closure.is_lambert = false;
         return;
     }
     const Mesh& mesh = scene.meshes[hit.mesh];
@@ -179,6 +179,20 @@ bool trace(const Scene& scene, Ray ray, RandomStream& random, RayCounters& count
         ray.tnear = 0;
         ray.tfar -= hit.t;
     }
+}
+
+bool trace_vertex(const Scene& scene, const Ray& ray, bool environment, RandomStream& random,
+                  RayCounters& counters, Vertex& v, float& transmittance) {
+    Hit hit;
+    if (trace(scene, ray, random, counters, hit, v.opacity, transmittance)) {
+        surface_vertex(scene, hit, v);
+        return true;
+    }
+    LightPoint point;
+    if (!environment || !environment_point(scene.lights, ray.direction, point)) return false;
+    light_vertex(scene, point, v);
+    v.opacity = 1;
+    return true;
 }
 
 float transmittance(const Scene& scene, Ray ray, RayCounters& counters) {

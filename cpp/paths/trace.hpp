@@ -50,6 +50,11 @@ void camera_vertex(const Scene& scene, Vec3f lens_point, Vertex& v);
 bool trace(const Scene& scene, Ray ray, RandomStream& random, RayCounters& counters, Hit& hit,
            float& opacity, float& transmittance);
 
+// Follows a ray to the next vertex of a path: a surface or, where `environment` is set, the
+// direction at infinity of a ray that escapes. False: there is none.
+bool trace_vertex(const Scene& scene, const Ray& ray, bool environment, RandomStream& random,
+                  RayCounters& counters, Vertex& v, float& transmittance);
+
 // Product of 1 − α along a segment: 1 where it is free, 0 where something opaque is in the way.
 float transmittance(const Scene& scene, Ray ray, RayCounters& counters);
 

@@ -35,7 +35,8 @@ void compare(const Scene& scene, const Subpath& light, int s, const Subpath& cam
         if (!is_black(value)) edge = transmittance(scene, *x, z, counters);
     }
     if (is_black(value) || edge == 0) return;
-    const Path path = join_subpaths(light, s, camera, t, edge);
+    Path path;
+    join_subpaths(light, s, camera, t, edge, path);
     const Contribution f = contribution(scene, path);
     rows.s.push_back(s);
     rows.t.push_back(t);
@@ -43,8 +44,9 @@ void compare(const Scene& scene, const Subpath& light, int s, const Subpath& cam
         strategy_weight(scene, x, x_previous, s, z, z_previous, t, densities, edge));
     rows.weight_by_definition.push_back(power_heuristic(scene, path, s));
     rows.estimate.push_back(double(value[0] + value[1] + value[2]) * edge);
-    rows.estimate_by_definition.push_back((f.c[0] + f.c[1] + f.c[2]) /
-                                          strategy_density(scene, path, s));
+    ScaledDouble sum = f.c[0] + f.c[1] + f.c[2];
+    sum.exponent += f.exponent;
+    rows.estimate_by_definition.push_back(ratio(sum, strategy_density(scene, path, s)));
 }
 
 py::dict strategy_probe(const Scene& scene, int samples, int depth, uint64_t seed) {

@@ -3,6 +3,8 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
+#include <map>
+
 #include "integrators/render.hpp"
 
 namespace py = pybind11;
@@ -11,10 +13,14 @@ namespace usdmlt {
 namespace {
 
 Settings make_settings(const std::string& integrator, int samples, int depth, uint64_t seed,
-                       const std::string& filter, int min_edges, bool background) {
+                       const std::string& filter, int min_edges, bool background,
+                       bool direct_separately, bool two_stage,
+                       const std::map<std::string, double>& mutation_weights, bool error_layer) {
     Settings s;
     if (integrator == "bdpt")
         s.integrator = IntegratorKind::bidirectional;
+    else if (integrator == "mlt")
+        s.integrator = IntegratorKind::metropolis;
     else if (integrator != "path")
         throw std::invalid_argument("unknown integrator '" + integrator + "'");
     if (filter == "box")
@@ -28,6 +34,18 @@ Settings make_settings(const std::string& integrator, int samples, int depth, ui
     s.seed = seed;
     s.min_edges = min_edges;
     s.background = background;
+    s.direct_separately = direct_separately;
+    s.two_stage = two_stage;
+    s.error_layer = error_layer;
+    if (!mutation_weights.empty()) {
+        s.mutation_weights.assign(mutation_count, 0);
+        for (const auto& [name, weight] : mutation_weights) {
+            int m = 0;
+            while (m < mutation_count && mutation_name(m) != name) ++m;
+            if (m == mutation_count) throw std::invalid_argument("unknown mutation '" + name + "'");
+            s.mutation_weights[size_t(m)] = weight;
+        }
+    }
     return s;
 }
 
@@ -64,8 +82,61 @@ int64_t run(Render& render, int64_t last_unit, int threads, std::optional<double
 py::array_t<float> image(const Render& render) {
     const Film& film = render.film();
     py::array_t<float> out({film.height(), film.width(), 4});
-    film.develop(out.mutable_data(), render.scene().exposure);
+    render.develop(out.mutable_data());
     return out;
+}
+
+py::array_t<float> error(const Render& render) {
+    py::array_t<float> out({render.film().height(), render.film().width()});
+    render.develop_error(out.mutable_data());
+    return out;
+}
+
+// Of the chains, by name.
+py::dict metropolis_stats(const Render& render) {
+    const MetropolisStatistics& s = render.metropolis_statistics();
+    const MetropolisPlan& plan = *render.metropolis();
+    const double scale = render.film().scale();
+    const auto rate = [](double n, double t) { return t > 0 ? n / t : 0; };
+    py::dict out, mutations, classes;
+    double total = 0;
+    for (const double w : plan.mutation_weights) total += w;
+    for (int m = 0; m < mutation_count; ++m) {
+        const MutationCounts& c = s.chains.mutations[size_t(m)];
+        py::dict row;
+        row["weight"] = plan.mutation_weights[size_t(m)] / total;
+        row["applicable"] = c.applicable;
+        row["proposed"] = c.proposed;
+        row["made"] = c.made;
+        row["accepted"] = c.accepted;
+        row["mean_acceptance"] =
+            rate(double(c.acceptance) / MutationCounts::unit, double(c.proposed));
+        mutations[py::str(std::string(mutation_name(m)))] = row;
+    }
+    for (const auto& [key, energy] : s.energy(scale))
+        classes[py::str(key == 0 ? "other" : class_name(key))] = energy;
+    out["mutations"] = s.chains.steps;
+    out["mutations_per_second"] = rate(double(s.chains.steps), render.seconds());
+    out["mutations_per_cpu_second"] = rate(double(s.chains.steps), render.cpu_seconds());
+    out["b"] = s.b(scale);
+    out["b_error"] = s.b_error(scale);
+    out["bootstrap_samples"] = s.bootstrap_samples;
+    out["bootstrap_rays"] = s.bootstrap_rays;
+    out["chains"] = s.units * uint64_t(plan.chains);
+    out["longest_rejection"] = s.chains.longest_rejection;
+    out["mutation"] = mutations;
+    out["path_class_energy"] = classes;
+    return out;
+}
+
+// Mean luminance by path length: that of camera samples, and that of the chains.
+std::vector<double> path_length_energy(const Render& render) {
+    std::vector<double> energy = render.statistics().energy(render.film().scale());
+    if (render.metropolis())
+        for (const auto& [key, value] :
+             render.metropolis_statistics().energy(render.film().scale()))
+            if (key != 0) energy[size_t(edges_of_class(key))] += value;
+    return energy;
 }
 
 py::dict stats(const Render& render) {
@@ -84,11 +155,12 @@ py::dict stats(const Render& render) {
     out["samples_per_cpu_second"] = rate(double(s.samples()), cpu);
     out["rays_per_second"] = rate(rays, seconds);
     out["rays_per_cpu_second"] = rate(rays, cpu);
-    out["path_length_energy"] = s.energy(render.film().scale());
+    out["path_length_energy"] = path_length_energy(render);
     out["non_finite"] = s.non_finite();
     out["overflows"] = render.film().overflows();
     out["units_done"] = render.units_done();
     out["units_total"] = render.units_total();
+    if (render.metropolis()) out["mlt"] = metropolis_stats(render);
     return out;
 }
 
@@ -98,15 +170,20 @@ void bind_render(py::module_& module) {
     py::class_<Render>(module, "Render")
         .def(py::init([](std::shared_ptr<Scene> scene, const std::string& integrator, int samples,
                          int depth, uint64_t seed, const std::string& filter, int min_edges,
-                         bool background) {
+                         bool background, bool direct_separately, bool two_stage,
+                         const std::map<std::string, double>& mutation_weights, bool error_layer) {
                  const Settings settings =
-                     make_settings(integrator, samples, depth, seed, filter, min_edges, background);
+                     make_settings(integrator, samples, depth, seed, filter, min_edges, background,
+                                   direct_separately, two_stage, mutation_weights, error_layer);
                  const py::gil_scoped_release release;
                  return std::make_unique<Render>(std::move(scene), settings);
              }),
              py::arg("scene"), py::kw_only(), py::arg("integrator") = "path",
              py::arg("samples") = 64, py::arg("depth") = 16, py::arg("seed") = 0,
-             py::arg("filter") = "gaussian", py::arg("min_edges") = 1, py::arg("background") = true)
+             py::arg("filter") = "gaussian", py::arg("min_edges") = 1, py::arg("background") = true,
+             py::arg("direct_separately") = true, py::arg("two_stage") = false,
+             py::arg("mutation_weights") = std::map<std::string, double>(),
+             py::arg("error_layer") = true)
         .def_property_readonly("units_total", &Render::units_total)
         .def_property_readonly("units_done", &Render::units_done)
         .def("run", &run, py::arg("last_unit"), py::arg("threads") = 1,
@@ -115,6 +192,7 @@ void bind_render(py::module_& module) {
              "called ten times a second; true, a signal or an exception stops handing out units, "
              "and those that were started are finished.")
         .def("image", &image, "Linear premultiplied RGBA, (height, width, 4) float32.")
+        .def("error", &error, "Standard error of the image's luminance, (height, width) float32.")
         .def("stats", &stats)
         .def(
             "replay_rays_per_cpu_second",

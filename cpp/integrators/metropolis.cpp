@@ -1,0 +1,186 @@
+#include "integrators/metropolis.hpp"
+
+#include <cmath>
+
+namespace usdmlt {
+namespace {
+
+// Mutations of a unit: few enough to last a fraction of a second, some per pixel of small images.
+constexpr int least_mutations = 1 << 13, most_mutations = 1 << 17, mutations_per_pixel = 4;
+constexpr int steps_per_chain = 512;
+// Camera samples of the part that is path traced, per mutation.
+constexpr double direct_samples_per_mutation = 1.0 / 8;
+
+constexpr double bootstrap_share = 0.25;  // of the rays of bootstrap and chains
+constexpr uint32_t pilot_samples = 4096;
+constexpr int pilot_chains = 32, pilot_steps = 64;
+constexpr double uniform_strategies = 0.1;
+
+// By mutation: new path, bidirectional, lens, caustic, multi-chain, lens subpath.
+const std::vector<double> default_weights = {0.05, 0.25, 0.25, 0.15, 0.20, 0.10};
+
+uint64_t unit_key(const Settings& settings, uint64_t purpose, uint64_t index) {
+    return hash_key(hash_key(settings.seed, 0x6d6c74 + purpose), index);
+}
+
+uint64_t rays_of(const UnitStatistics& statistics) {
+    return statistics.rays.closest + statistics.rays.shadow;
+}
+
+// Chains from the starts of a bootstrap, `steps` each.
+void run_chains(MetropolisScratch& scratch, int chains, int steps, uint64_t key,
+                UnitStatistics& bootstrap_statistics) {
+    MutationContext& context = scratch.context;
+    RandomStream offset(hash_key(key, 1));
+    scratch.bootstrap.choose_starts(chains, offset.next_double(), scratch.starts);
+    context.unit_key = hash_key(key, 2);
+    for (int c = 0; c < chains; ++c) {
+        const BootstrapEntry& start = scratch.bootstrap.entries()[scratch.starts[size_t(c)]];
+        if (!scratch.bootstrap.restore(start, scratch.target, scratch.x, bootstrap_statistics))
+            continue;
+        context.random = RandomStream(hash_key(hash_key(key, 3), uint64_t(c)));
+        context.chain = static_cast<uint32_t>(c);
+        context.lens_proposals = 0;
+        run_chain(scratch.target, scratch.selection, scratch.x, scratch.y, steps, context.random,
+                  scratch.statistics.chains);
+        context.arena.give_all(scratch.x.path);
+    }
+    scratch.statistics.chains.finish();
+}
+
+// P(k, s): the pilot's energies, mixed with all that can be.
+StrategyTable strategy_table(const Settings& paths, const std::vector<BootstrapEntry>& entries) {
+    std::vector<std::vector<double>> weights(static_cast<size_t>(paths.depth) + 1);
+    int count = 0;
+    double total = 0;
+    for (int k = 0; k <= paths.depth; ++k) {
+        weights[size_t(k)].assign(size_t(k) + 1, 0);
+        if (k >= paths.min_edges) count += k == 1 ? 1 : k + 1;
+    }
+    for (const BootstrapEntry& e : entries) {
+        weights[size_t(e.s + e.t - 1)][e.s] += e.weight;
+        total += e.weight;
+    }
+    const double uniform = total > 0 ? uniform_strategies : 1;
+    for (int k = std::max(paths.min_edges, 1); k <= paths.depth; ++k)
+        for (int s = 0; s <= (k == 1 ? 0 : k); ++s) {
+            double& w = weights[size_t(k)][size_t(s)];
+            w = (total > 0 ? (1 - uniform) * w / total : 0) + uniform / count;
+        }
+    return StrategyTable(weights);
+}
+
+ImportanceMap importance_map(const RasterDomain& domain,
+                             const std::vector<BootstrapEntry>& entries) {
+    constexpr int cells = 16;
+    std::vector<double> brightness(cells * cells, 0.0);
+    const auto gather = [](uint32_t x) {
+        x &= 0x55555555u;
+        x = (x | x >> 1) & 0x33333333u;
+        x = (x | x >> 2) & 0x0f0f0f0fu;
+        x = (x | x >> 4) & 0x00ff00ffu;
+        return (x | x >> 8) & 0xffffu;
+    };
+    for (const BootstrapEntry& e : entries) {
+        const auto place = static_cast<uint32_t>(e.key);
+        const uint32_t x = gather(place) * cells >> 16, y = gather(place >> 1) * cells >> 16;
+        brightness[y * cells + x] += e.weight;
+    }
+    return ImportanceMap(domain, cells, cells, std::move(brightness));
+}
+
+}  // namespace
+
+MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
+    : paths(settings),
+      direct(settings),
+      domain(scene.camera.width, scene.camera.height, settings.filter.reach()),
+      mutation_weights(settings.mutation_weights.empty() ? default_weights
+                                                         : settings.mutation_weights) {
+    if (settings.direct_separately) {
+        paths.min_edges = std::max(settings.min_edges, 3);
+        direct.depth = std::min(settings.depth, 2);
+    } else {
+        // The path tracer sees what the camera covers, and records no light.
+        direct.depth = 1;
+        direct.min_edges = 2;
+    }
+    const double pixels = domain.image_area;
+    const int mutations = static_cast<int>(
+        std::clamp(pixels * mutations_per_pixel, double(least_mutations), double(most_mutations)));
+    steps = steps_per_chain;
+    chains = mutations / steps;
+    const Tiles tiles(scene.camera.width, scene.camera.height);
+    direct_tiles =
+        std::max(1, static_cast<int>(std::lround(mutations * direct_samples_per_mutation *
+                                                 double(tiles.count()) / pixels)));
+    if (!has_chains()) return;
+
+    // The pilot. Its first half makes the importance map, which what follows is weighted by.
+    bootstrap_samples = pilot_samples;
+    strategies = strategy_table(paths, {});
+    UnitStatistics statistics(paths.depth);
+    if (settings.two_stage) {
+        MetropolisScratch first(scene, *this);
+        if (first.bootstrap.draw(unit_key(settings, 1, 0), pilot_samples, statistics) > 0)
+            importance = importance_map(domain, first.bootstrap.entries());
+        statistics.reset();
+    }
+    MetropolisScratch scratch(scene, *this);
+    pilot_b = scratch.bootstrap.draw(unit_key(settings, 1, 1), pilot_samples, statistics);
+    if (!(pilot_b > 0)) return;
+    strategies = strategy_table(paths, scratch.bootstrap.entries());
+    scratch.context.strategies = strategies;
+    const double rays_per_sample = double(rays_of(statistics)) / pilot_samples;
+    UnitStatistics starts(paths.depth);
+    run_chains(scratch, pilot_chains, pilot_steps, unit_key(settings, 1, 2), starts);
+    const RayCounters& rays = scratch.context.rays;
+    const double rays_per_mutation =
+        double(rays.closest + rays.shadow) / (pilot_chains * pilot_steps);
+    const double count = bootstrap_share / (1 - bootstrap_share) * double(mutations_per_unit()) *
+                         rays_per_mutation / rays_per_sample;
+    bootstrap_samples =
+        static_cast<uint32_t>(std::clamp(count, double(chains), double(mutations_per_unit())));
+}
+
+MetropolisScratch::MetropolisScratch(const Scene& scene, const MetropolisPlan& plan)
+    : context(scene, plan.domain, plan.paths.min_edges, plan.paths.depth),
+      bootstrap(scene, plan.paths, context, plan.importance),
+      target(context, plan.importance, plan.paths.background && scene.background),
+      selection(plan.mutation_weights),
+      statistics(plan.paths.depth) {
+    context.strategies = plan.strategies;
+    for (PathState* state : {&x, &y}) state->path.vertices.reserve(size_t(plan.paths.depth) + 2);
+    uint32_t enabled = 0;
+    for (size_t m = 0; m < plan.mutation_weights.size(); ++m)
+        enabled |= uint32_t(plan.mutation_weights[m] > 0) << m;
+    target.enable(enabled);
+}
+
+void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, const Tiles& tiles,
+                            int64_t index, MetropolisScratch& scratch, Film& film,
+                            UnitStatistics& statistics) {
+    for (int i = 0; i < plan.direct_tiles; ++i)
+        render_path_unit(scene, plan.direct, tiles, index * plan.direct_tiles + i, scratch.path,
+                         film, statistics);
+    MetropolisUnitStatistics& counts = scratch.statistics;
+    counts.reset();
+    if (!plan.has_chains()) return;
+    RayCounters& rays = scratch.context.rays;
+    rays.closest = rays.shadow = 0;
+    rays.recorder = counts.bootstrap.rays.recorder = statistics.rays.recorder;
+
+    const uint64_t key = unit_key(plan.paths, 0, uint64_t(index));
+    counts.bootstrap_samples = plan.bootstrap_samples;
+    counts.b = scratch.bootstrap.draw(hash_key(key, 0), plan.bootstrap_samples, counts.bootstrap);
+    if (counts.b > 0) {
+        scratch.target.recorder = {&film, &plan.paths.filter, &counts.classes, counts.b,
+                                   static_cast<int>(index % Film::batches)};
+        run_chains(scratch, plan.chains, plan.steps, key, counts.bootstrap);
+    }
+    statistics.rays.closest += rays.closest + counts.bootstrap.rays.closest;
+    statistics.rays.shadow += rays.shadow + counts.bootstrap.rays.shadow;
+    statistics.non_finite += counts.bootstrap.non_finite + counts.chains.non_finite;
+}
+
+}  // namespace usdmlt

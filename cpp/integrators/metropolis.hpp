@@ -1,0 +1,59 @@
+// Metropolis light transport (Veach & Guibas 1997).
+//
+// A unit of work is a round of its own: it draws a bootstrap, starts chains ∝ its entries' weights,
+// and splats b_r f/f*, b_r being its own estimate of b. That is unbiased for any size of bootstrap
+// (the expected deposit of a chain that starts at entry i is that entry's own estimate, v_i), and
+// the average over units converges; nothing is shared between units.
+//
+// A pilot, which deposits nothing, fixes what may be adapted: how large the bootstrap is, with
+// which strategies new paths are made, and the importance map. Paths of up to two edges are left to
+// path tracing unless the settings say otherwise: then b, bootstrap and mutations leave them out.
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "integrators/bootstrap.hpp"
+#include "integrators/metropolis_statistics.hpp"
+#include "integrators/path_tracer.hpp"
+
+namespace usdmlt {
+
+struct MetropolisPlan {
+    MetropolisPlan(const Scene& scene, const Settings& settings);
+
+    int64_t mutations_per_unit() const { return int64_t(chains) * steps; }
+    // Bounds of the chains' paths; chains that have none do nothing.
+    bool has_chains() const { return paths.min_edges <= paths.depth; }
+
+    Settings paths;   // of the chains and the bootstrap
+    Settings direct;  // of the path tracer's part
+    RasterDomain domain;
+    int chains, steps;               // of a unit
+    int direct_tiles;                // of a unit: one sample per pixel of so many tiles
+    uint32_t bootstrap_samples = 0;  // of a unit
+    std::vector<double> mutation_weights;
+    StrategyTable strategies;
+    ImportanceMap importance;
+    double pilot_b = 0;
+};
+
+// Memory of one thread.
+struct MetropolisScratch {
+    MutationContext context;
+    Bootstrap bootstrap;
+    PathTarget target;
+    MutationSelection selection;
+    PathState x, y;
+    std::vector<size_t> starts;
+    MetropolisUnitStatistics statistics;
+    PathTracerScratch path;
+
+    MetropolisScratch(const Scene& scene, const MetropolisPlan& plan);
+};
+
+void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, const Tiles& tiles,
+                            int64_t index, MetropolisScratch& scratch, Film& film,
+                            UnitStatistics& statistics);
+
+}  // namespace usdmlt

@@ -1,0 +1,73 @@
+// What chains report: of one unit, and of all finished ones.
+#pragma once
+
+#include <map>
+#include <mutex>
+
+#include "integrators/chain.hpp"
+#include "integrators/path_classes.hpp"
+#include "integrators/statistics.hpp"
+#include "mutations/mutations.hpp"
+
+namespace usdmlt {
+
+struct MetropolisUnitStatistics {
+    ChainCounts chains{mutation_count};
+    PathClasses classes;
+    double b = 0;
+    uint64_t bootstrap_samples = 0;
+    UnitStatistics bootstrap;  // its rays
+
+    explicit MetropolisUnitStatistics(int depth) : bootstrap(depth) {}
+    void reset() {
+        chains.reset();
+        classes.reset();
+        bootstrap.reset();
+        b = 0;
+        bootstrap_samples = 0;
+    }
+};
+
+// Sums of integers, so that they are free of order.
+class MetropolisStatistics {
+public:
+    void add(const MetropolisUnitStatistics& unit, double scale) {
+        const std::lock_guard lock(mutex_);
+        ++units;
+        chains.add(unit.chains);
+        bootstrap_samples += unit.bootstrap_samples;
+        bootstrap_rays += unit.bootstrap.rays.closest + unit.bootstrap.rays.shadow;
+        b_ += std::llrint(unit.b * scale);
+        const double coarse = unit.b * scale / coarse_unit;
+        b_squares_ += std::llrint(std::min(coarse * coarse, 0x1p60));
+        unit.classes.for_each(
+            [&](uint64_t key, double energy) { energy_[key] += std::llrint(energy * scale); });
+    }
+
+    // b, its standard error from the spread between units, and the relative spread of one unit.
+    double b(double scale) const { return units > 0 ? double(b_) / scale / double(units) : 0; }
+    double b_error(double scale) const {
+        if (units < 2) return 0;
+        const double n = double(units), mean = double(b_) / n / coarse_unit;
+        const double variance = std::max(double(b_squares_) / n - mean * mean, 0.0) / (n - 1);
+        return std::sqrt(variance) * coarse_unit / scale;
+    }
+    // Mean luminance of the image by class of path.
+    std::map<uint64_t, double> energy(double scale) const {
+        std::map<uint64_t, double> out;
+        for (const auto& [key, sum] : energy_)
+            out[key] = double(sum) / scale / double(chains.steps);
+        return out;
+    }
+
+    uint64_t units = 0, bootstrap_samples = 0, bootstrap_rays = 0;
+    ChainCounts chains{mutation_count};
+
+private:
+    static constexpr double coarse_unit = 0x1p16;
+    std::mutex mutex_;
+    int64_t b_ = 0, b_squares_ = 0;
+    std::map<uint64_t, int64_t> energy_;
+};
+
+}  // namespace usdmlt

@@ -1,0 +1,145 @@
+#include "mutations/caustic_perturbation.hpp"
+
+namespace usdmlt {
+namespace {
+
+constexpr double direction_probability = 0.5;  // of a light at infinity
+constexpr double largest_angle = 1.5;          // radians
+
+bool is_start(const Path& x, int m, Walk& walk) {
+    if (m > 0 && x.is_delta(m)) return false;
+    walk = find_walk(x, Known::light, m);
+    return walk.found() && walk.chains == 0;
+}
+
+int count_starts(const Path& x) {
+    int count = 0;
+    Walk walk;
+    for (int m = 0; m < x.edges(); ++m) count += is_start(x, m, walk);
+    return count;
+}
+
+double length_of_edges(const Path& x, int first, int last) {
+    double sum = 0;
+    for (int i = first; i < last; ++i)
+        if (!x[i].infinite && !x[i + 1].infinite) sum += length(x[i + 1].position - x[i].position);
+    return sum;
+}
+
+// What a pixel is wide at x_n, in scene units.
+double footprint(const MutationContext& context, const Path& x, int n) {
+    const Camera& camera = context.scene.camera;
+    const double pixel = camera.window_width / camera.width;
+    return camera.orthographic ? pixel : pixel * length_of_edges(x, n, x.edges());
+}
+
+LogarithmicRange angles(const MutationContext& context, const Path& x, const Walk& walk) {
+    const double scale = footprint(context, x, walk.end) / length_of_edges(x, walk.start, walk.end);
+    const double max = std::min(context.raster_range.max * scale, largest_angle);
+    return {std::min(context.raster_range.min * scale, 0.1 * max), max};
+}
+
+LogarithmicRange offsets(const MutationContext& context, const Path& x, const Walk& walk) {
+    const double scale = footprint(context, x, walk.end);
+    return {context.raster_range.min * scale, context.raster_range.max * scale};
+}
+
+// Distance of p from the line through q along a unit direction.
+double distance_from_line(Vec3f p, Vec3f q, Vec3f direction) {
+    return length(cross(to_double(p - q), to_double(direction)));
+}
+
+// First ray from a light at infinity, and its density. Moves x_0 too if the change says so.
+bool start_at_infinity(MutationContext& context, const Path& x, const Walk& walk, bool moves_light,
+                       Path& y, Ray& ray, double& pdf) {
+    RandomStream& random = context.random;
+    const Lights& lights = context.scene.lights;
+    if (moves_light) {
+        const double angle = context.direction_range.sample(random.next_double());
+        pdf *= context.direction_range.pdf_direction(angle);
+        LightPoint point;
+        if (!environment_point(lights, tilt(x[0].direction, angle, random.next_1d()), point))
+            return false;
+        light_vertex(context.scene, point, fresh(y, 0));
+    }
+    const LogarithmicRange range = offsets(context, x, walk);
+    const double r = range.sample(random.next_double());
+    pdf *= range.pdf_plane(r);
+    const Vec3f direction = y[0].direction;
+    const Frame frame = Frame::from_normal(direction);
+    const float phi = 2 * pi * random.next_1d(), offset = static_cast<float>(r);
+    const Vec3f on_plane =
+        x[1].position + frame.x * (offset * std::cos(phi)) + frame.y * (offset * std::sin(phi));
+    // From outside the scene's sphere.
+    const float back =
+        std::max(dot(lights.scene_center - on_plane, direction), 0.0f) + 2 * lights.scene_radius;
+    ray = {on_plane + direction * back, 0, -direction, infinite_distance};
+    return true;
+}
+
+}  // namespace
+
+bool CausticPerturbation::applies(const MutationContext&, const Path& x) {
+    Walk walk;
+    for (int m = 0; m < x.edges(); ++m)
+        if (is_start(x, m, walk)) return true;
+    return false;
+}
+
+bool CausticPerturbation::propose(MutationContext& context, const Path& x, Path& y,
+                                  Change& change) {
+    RandomStream& random = context.random;
+    const int count = count_starts(x);
+    int choice = std::min(static_cast<int>(random.next_double() * count), count - 1);
+    Walk walk;
+    int m = 0;
+    while (!is_start(x, m, walk) || choice-- > 0) ++m;
+
+    const bool infinite = x[m].infinite;
+    const bool moves_light =
+        infinite && !x[0].light.delta && random.next_1d() < direction_probability;
+    change = {moves_light ? -1 : m, walk.end + 1, 0, walk.end + 1};
+    begin_replacement(context, x, change, walk.end - change.l, y);
+    Ray ray;
+    double pdf = 1;
+    if (infinite) {
+        if (!start_at_infinity(context, x, walk, moves_light, y, ray, pdf)) return false;
+    } else {
+        const LogarithmicRange range = angles(context, x, walk);
+        const double angle = range.sample(random.next_double());
+        pdf = range.pdf_direction(angle);
+        ray = ray_from(x[m], tilt(x.to_eye(m), angle, random.next_1d()));
+    }
+    if (!trace_walk(context, x, walk, ray, pdf, y)) return false;
+    if (infinite && !x[0].light.delta)
+        context.recorded *= moves_light ? direction_probability : 1 - direction_probability;
+    context.recorded *= 1.0 / count;
+    y.at(walk.end + 1).edge = 1;
+    return walk.end + 1 < y.edges() || project_end(context, y);
+}
+
+ScaledDouble CausticPerturbation::density(MutationContext& context, const Path& x, const Path& y,
+                                          const Change& change) {
+    const bool moves_light = change.l == -1;
+    Walk walk = find_walk(x, Known::light, moves_light ? 0 : change.l);
+    double pdf = 1.0 / count_starts(x);
+    if (x[walk.start].infinite) {
+        if (!x[0].light.delta)
+            pdf *= moves_light ? direction_probability : 1 - direction_probability;
+        if (moves_light)
+            pdf *= context.direction_range.pdf_direction(
+                angle_between(x[0].direction, y[0].direction));
+        const double r = distance_from_line(x[1].position, y[1].position, y[0].direction);
+        const LogarithmicRange range = offsets(context, x, walk);
+        if (!range.contains(r)) return 0;
+        pdf *= range.pdf_plane(r);
+    } else {
+        const LogarithmicRange range = angles(context, x, walk);
+        const double angle = angle_between(x.to_eye(walk.start), y.to_eye(walk.start));
+        if (!range.contains(angle)) return 0;
+        pdf *= range.pdf_direction(angle);
+    }
+    return walk_density(context, x, y, walk, step_density(y, walk.start, 1, pdf));
+}
+
+}  // namespace usdmlt

@@ -1,0 +1,45 @@
+#include "mutations/context.hpp"
+
+namespace usdmlt {
+namespace {
+
+constexpr double smallest_move = 0.1;          // pixels
+constexpr double largest_move_of_area = 0.05;  // of the image: π r² (Veach 1997, §11.3.3)
+
+}  // namespace
+
+StrategyTable::StrategyTable(const std::vector<std::vector<double>>& weights)
+    : probability_(weights) {
+    double sum = 0;
+    for (const auto& row : probability_)
+        for (const double w : row) sum += w;
+    if (!(sum > 0)) return;
+    for (auto& row : probability_)
+        for (double& p : row) p /= sum;
+}
+
+bool StrategyTable::sample(double u, int& k, int& s) const {
+    for (size_t i = 0; i < probability_.size(); ++i)
+        for (size_t j = 0; j < probability_[i].size(); ++j) {
+            if (probability_[i][j] == 0) continue;
+            k = static_cast<int>(i);
+            s = static_cast<int>(j);
+            u -= probability_[i][j];
+            if (u < 0) return true;
+        }
+    return false;
+}
+
+MutationContext::MutationContext(const Scene& scene, const RasterDomain& domain, int min_edges,
+                                 int max_edges)
+    : scene(scene),
+      domain(domain),
+      min_edges(min_edges),
+      max_edges(max_edges),
+      raster_range{smallest_move,
+                   std::max(std::sqrt(largest_move_of_area * domain.image_area / std::numbers::pi),
+                            2 * smallest_move)},
+      arena(3 * (max_edges + 2)),
+      products(static_cast<size_t>(max_edges) + 3) {}
+
+}  // namespace usdmlt

@@ -1,0 +1,71 @@
+#include "mutations/lens_perturbation.hpp"
+
+namespace usdmlt::lens_walk {
+namespace {
+
+// Distances that the lens point moves, in scene units.
+LogarithmicRange lens_range(const Camera& camera) {
+    return {0.01 * camera.lens_radius, 0.5 * camera.lens_radius};
+}
+
+constexpr double lens_probability = 0.5;
+
+Vec2f polar(double r, float u) {
+    return Vec2f{std::cos(2 * pi * u), std::sin(2 * pi * u)} * static_cast<float>(r);
+}
+
+double distance(Vec2f a, Vec2f b) { return std::hypot(double(a.x) - b.x, double(a.y) - b.y); }
+
+}  // namespace
+
+bool propose(MutationContext& context, const Path& x, const Walk& walk, Path& y, Change& change) {
+    const Scene& scene = context.scene;
+    const Camera& camera = scene.camera;
+    RandomStream& random = context.random;
+    const int k = x.edges();
+    const double r = context.raster_range.sample(random.next_double());
+    const Vec2f raster = x.raster + polar(r, random.next_1d());
+    if (!context.domain.contains(raster)) return false;
+    // Per pixel², and from there to the density of raster points uniform over the image.
+    double pdf = context.raster_range.pdf_plane(r) * context.domain.image_area;
+    Vec3f lens = x[k].position;
+    bool moves_lens = false;
+    if (camera.lens_radius > 0) {
+        moves_lens = random.next_1d() < lens_probability;
+        pdf *= moves_lens ? lens_probability : 1 - lens_probability;
+    }
+    if (moves_lens) {
+        const double move = lens_range(camera).sample(random.next_double());
+        const Vec2f d = polar(move, random.next_1d());
+        pdf *= lens_range(camera).pdf_plane(move);
+        lens = lens + camera.right * d.x + camera.up * d.y;
+        if (length(lens - camera.position) >= camera.lens_radius) return false;
+    }
+    change = {walk.end - 1, moves_lens ? k + 1 : k, 0, walk.end > 0 ? walk.end : -1};
+    begin_replacement(context, x, change, k - walk.end + (moves_lens ? 1 : 0), y);
+    if (moves_lens) camera_vertex(scene, lens, fresh(y, k));
+    y.raster = raster;
+    const Ray ray = camera_ray(camera, raster, lens);
+    pdf *= camera.orthographic ? camera.pdf_origin() : camera.pdf_direction(ray.direction);
+    if (!trace_walk(context, x, walk, ray, pdf, y)) return false;
+    if (walk.end > 0) y.at(walk.end).edge = 1;
+    return true;
+}
+
+ScaledDouble density(const MutationContext& context, const Path& x, const Path& y,
+                     const Change& change, const Walk& walk) {
+    const Camera& camera = context.scene.camera;
+    const int k = y.edges();
+    const double r = distance(x.raster, y.raster);
+    double first = context.raster_range.pdf_plane(r) * context.domain.image_area *
+                   density_from_eye_side(context.scene, y, k - 1);
+    if (camera.lens_radius > 0) {
+        first *= change.m == k + 1
+                     ? lens_probability *
+                           lens_range(camera).pdf_plane(length(y[k].position - x[k].position))
+                     : 1 - lens_probability;
+    }
+    return walk_density(context, x, y, walk, first);
+}
+
+}  // namespace usdmlt::lens_walk

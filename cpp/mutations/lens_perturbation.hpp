@@ -1,0 +1,39 @@
+// Lens perturbation (Veach 1997, §11.3.3): the image position moves by r, log-uniform between
+// r_min and r_max, the walk from the eye is traced again through the same Dirac chain, and its end
+// is connected to the old next vertex: suffix (L|D) D S* E; or it lands on a light: L S* E.
+//
+// Of a camera with an aperture the lens point is kept or, half the time, moved as well: by a
+// log-uniform distance on the lens. Raster densities are converted by the camera's density of
+// directions (of origins, for an orthographic one).
+#pragma once
+
+#include "mutations/walk.hpp"
+
+namespace usdmlt {
+
+// The part that lens and multi-chain perturbations share.
+namespace lens_walk {
+
+bool propose(MutationContext& context, const Path& x, const Walk& walk, Path& y, Change& change);
+ScaledDouble density(const MutationContext& context, const Path& x, const Path& y,
+                     const Change& change, const Walk& walk);
+
+}  // namespace lens_walk
+
+struct LensPerturbation {
+    static constexpr const char* name = "lens";
+
+    static bool applies(const MutationContext&, const Path& x) {
+        const Walk walk = find_walk(x, Known::eye, x.edges());
+        return walk.found() && walk.chains == 0;
+    }
+    static bool propose(MutationContext& context, const Path& x, Path& y, Change& change) {
+        return lens_walk::propose(context, x, find_walk(x, Known::eye, x.edges()), y, change);
+    }
+    static ScaledDouble density(MutationContext& context, const Path& x, const Path& y,
+                                const Change& change) {
+        return lens_walk::density(context, x, y, change, find_walk(x, Known::eye, x.edges()));
+    }
+};
+
+}  // namespace usdmlt

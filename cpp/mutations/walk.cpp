@@ -1,0 +1,89 @@
+#include "mutations/walk.hpp"
+
+namespace usdmlt {
+
+Walk find_walk(const Path& x, Known role, int start) {
+    Walk walk;
+    walk.role = role;
+    walk.start = start;
+    const int step = walk.step(), last = role == Known::eye ? 0 : x.edges();
+    for (int i = start + step; i != last; i += step) {
+        if (x.is_delta(i)) continue;
+        if (i + step == last || !x.is_delta(i + step)) {
+            walk.end = i;
+            return walk;
+        }
+        ++walk.chains;
+    }
+    if (role == Known::eye && start != 0 && !x[0].light.delta) walk.end = 0;
+    return walk;
+}
+
+bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const Ray& first,
+                double pdf, Path& y) {
+    const int step = walk.step();
+    Ray ray = first;
+    context.recorded = 1;
+    for (int i = walk.start + step;; i += step) {
+        PathVertex& vertex = y.at(i);
+        PathVertex& edge = y.at(step > 0 ? i : i + 1);
+        Vertex& v = fresh(y, i);
+        if (!trace_vertex(context.scene, ray, i == 0, context.random, context.rays, v, edge.edge))
+            return false;
+        edge.direction = step > 0 ? ray.direction : -ray.direction;
+        context.recorded *= area_density(pdf, y[i - step], v, ray.direction) * edge.edge;
+        if (i == 0) return v.is_light;
+        vertex.component = x.at(i).component;
+        if (i == walk.end) return v.can_connect();
+        Vec3f direction;
+        if (x.is_delta(i)) {
+            if (!v.closure.delta_direction(-ray.direction, vertex.component, direction))
+                return false;
+            pdf = v.closure.delta_measure(direction, vertex.component);
+        } else {
+            if (!v.can_connect()) return false;
+            const double angle = context.direction_range.sample(context.random.next_double());
+            direction = tilt(direction_along(x, i, step), angle, context.random.next_1d());
+            pdf = context.direction_range.pdf_direction(angle);
+        }
+        ray = ray_from(v, direction);
+    }
+}
+
+double step_density(const Path& y, int from, int step, double pdf) {
+    const int to = from + step;
+    const float edge = y.at(std::max(from, to)).edge;
+    return area_density(pdf, y[from], y[to], direction_along(y, from, step)) * edge;
+}
+
+ScaledDouble walk_density(const MutationContext& context, const Path& x, const Path& y,
+                          const Walk& walk, double first) {
+    const int step = walk.step();
+    ScaledDouble density = first;
+    for (int i = walk.start + step; i != walk.end; i += step) {
+        const Vec3f direction = direction_along(y, i, step);
+        double pdf;
+        if (y.is_delta(i)) {
+            pdf = y[i].closure.delta_measure(direction, y.at(i).component);
+        } else {
+            const double angle = angle_between(direction, direction_along(x, i, step));
+            pdf = context.direction_range.pdf_direction(angle);
+        }
+        density *= step_density(y, i, step, pdf);
+    }
+    return density;
+}
+
+double angle_between(Vec3f a, Vec3f b) {
+    const Vec3d p = to_double(a), q = to_double(b);
+    return std::atan2(length(cross(p, q)), dot(p, q));
+}
+
+Vec3f tilt(Vec3f direction, double angle, float u) {
+    const Frame frame = Frame::from_normal(direction);
+    const float s = static_cast<float>(std::sin(angle)), c = static_cast<float>(std::cos(angle));
+    const float phi = 2 * pi * u;
+    return normalize(frame.x * (s * std::cos(phi)) + frame.y * (s * std::sin(phi)) + direction * c);
+}
+
+}  // namespace usdmlt

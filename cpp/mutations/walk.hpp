@@ -1,0 +1,58 @@
+// Perturbed walks: a run of vertices traced again from x_start, towards the light or the eye, with
+// the class string of the old ones.
+//
+// A walk goes through Dirac vertices by the old component, and ends
+//   – at the first non-Dirac vertex whose next one on the way is non-Dirac or an end of the path:
+//     the new vertex is connected to the old next one; or
+//   – on the light, where nothing is left to connect to.
+// At non-Dirac vertices between Dirac chains the old direction is perturbed. Densities in area
+// measure, per traced vertex: solid angle × |cosθ| / r²; Dirac vertices have probability 1 and the
+// unit of closure.hpp.
+#pragma once
+
+#include "mutations/context.hpp"
+
+namespace usdmlt {
+
+struct Walk {
+    Known role = Known::eye;  // eye: from the eye's side towards the light
+    int start = 0, end = -1;  // x_start is kept (or made by the mutation); x_end is the last traced
+    int chains = 0;           // non-Dirac vertices between, whose direction is perturbed
+
+    int step() const { return role == Known::eye ? -1 : 1; }
+    bool found() const { return end >= 0; }
+    bool hits_light() const { return role == Known::eye && end == 0; }
+};
+
+// The walk of x that starts there; not found where it would have to end on the lens or on a light
+// that cannot be hit.
+Walk find_walk(const Path& x, Known role, int start);
+
+// Traces the walk in y, whose y_start and first ray are made; the ray's direction (from infinity:
+// its origin) has density `pdf`. False: the class string changes. context.recorded becomes the
+// density of what was traced.
+bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const Ray& ray,
+                double pdf, Path& y);
+
+// Density of y's walk, given `first`, that of y_{start+step} in area measure.
+ScaledDouble walk_density(const MutationContext& context, const Path& x, const Path& y,
+                          const Walk& walk, double first);
+
+// Density in area measure of the vertex after `from` (towards +1 or −1), whose direction or, from
+// infinity, origin has density `pdf`.
+double step_density(const Path& y, int from, int step, double pdf);
+
+// ---- Perturbed directions
+
+// Angle between unit vectors, which float's arc cosine cannot resolve below 1e−3.
+double angle_between(Vec3f a, Vec3f b);
+
+// A unit direction at `angle` from `direction`, azimuth by u.
+Vec3f tilt(Vec3f direction, double angle, float u);
+
+// Direction of the edge of x from x_i towards x_{i+step}.
+inline Vec3f direction_along(const Path& x, int i, int step) {
+    return step > 0 ? x.to_eye(i) : x.to_light(i);
+}
+
+}  // namespace usdmlt
