@@ -3,8 +3,11 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
+#include <map>
+#include <string>
+
 #include "base/floating_point.hpp"
-#include "paths/connect.hpp"
+#include "integrators/strategies.hpp"
 #include "paths/path.hpp"
 
 namespace py = pybind11;
@@ -97,9 +100,71 @@ py::dict strategy_probe(const Scene& scene, int samples, int depth, uint64_t see
     return out;
 }
 
+// ---- Energy by class of path ----------------------------------------------------------------
+
+using ClassEnergies = std::map<std::string, double>;
+
+char letter(const SubpathVertex& v) { return v.component == non_delta ? 'D' : 'S'; }
+
+// L, the vertices between from the light on, E; vertices that are joined are non-delta.
+std::string class_of(const Subpath& light, int s, const Subpath& camera, int t) {
+    std::string name = "L";
+    for (int i = 1; i < s - 1; ++i) name += letter(light[i]);
+    if (s > 1) name += 'D';
+    if (s > 0 && t > 1) name += 'D';
+    for (int i = t - 2; i > 0; --i) name += letter(camera[i]);
+    return name + 'E';
+}
+
+struct ClassSink {
+    float width, height;
+    ClassEnergies& energies;
+
+    bool place(Vec2f p, Sampler&) { return p.x >= 0 && p.y >= 0 && p.x < width && p.y < height; }
+    void add(const StrategySample& x) {
+        energies[class_of(x.light, x.s, x.camera, x.t)] += luminance(x.value);
+    }
+};
+
+ClassEnergies class_energies(const Scene& scene, int samples, int depth, uint64_t seed,
+                             bool bidirectional) {
+    const FlushDenormals flush;
+    Settings settings;
+    settings.depth = depth;
+    UnitStatistics statistics(depth);
+    StrategyScratch scratch(depth);
+    ClassEnergies energies;
+    const auto width = float(scene.camera.width), height = float(scene.camera.height);
+    ClassSink sink{width, height, energies};
+    StrategySampler strategies(scene, settings, scratch, statistics, sink);
+    for (int i = 0; i < samples; ++i) {
+        Sampler eye(hash_key(seed, 0), uint32_t(i), 8), light(hash_key(seed, 1), uint32_t(i), 8);
+        const Vec2f u = eye.next_2d(), raster{u.x * width, u.y * height};
+        if (bidirectional) {
+            strategies.sample(eye, light, raster);
+            continue;
+        }
+        // Every light is found by chance: nothing is joined, and nothing weighted.
+        const Subpath& camera = scratch.camera;
+        trace_camera_subpath(scene, eye, raster, depth + 1, statistics.rays, scratch.camera);
+        for (int t = 2; t <= camera.count; ++t)
+            if (camera[t - 1].is_light)
+                energies[class_of(scratch.light, 0, camera, t)] +=
+                    luminance(emitted_contribution(scene, camera, t));
+    }
+    for (auto& [name, energy] : energies) energy /= samples;
+    return energies;
+}
+
 }  // namespace
 
 void bind_paths(py::module_& module) {
+    module.def(
+        "class_energies", &class_energies, py::arg("scene"), py::arg("samples"), py::arg("depth"),
+        py::arg("seed") = 0, py::arg("bidirectional") = true,
+        py::call_guard<py::gil_scoped_release>(),
+        "Mean luminance of the image by class of path, such as LDSE, from `samples` samples of all "
+        "bidirectional strategies or of paths from the eye that meet light by chance.");
     module.def(
         "strategy_probe", &strategy_probe, py::arg("scene"), py::arg("samples"), py::arg("depth"),
         py::arg("seed") = 0,

@@ -11,11 +11,20 @@ from usdmlt.native import core
 from usdmlt.scene import Scene
 
 BOTH = ("path", "bdpt")
+ALL = (*BOTH, "mlt")
 
 
 def build(scene: Scene):
     """The core's scene."""
     return core().Scene(scene, str(find_library()))
+
+
+def work(integrator: str, samples: int) -> dict[str, object]:
+    """Settings that leave about as little noise as `samples` camera samples per pixel: chains need
+    more mutations than that, and take paths of every length here."""
+    if integrator == "mlt":
+        return {"samples": 32 * samples, "direct_separately": False}
+    return {"samples": samples}
 
 
 def plan(scene, integrator: str = "path", **settings: object):

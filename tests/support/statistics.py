@@ -14,6 +14,7 @@ pairs) accounts for that.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,8 @@ class Agreement:
     """p-values of the three questions, and how sharp the answer is.
 
     ``difference``: relative difference of the means; ``resolution``: its standard error, so a bias
-    of the mean of some four times that would have been seen.
+    of the mean of some four times that would have been seen. ``block_resolution``: the same of one
+    block, in the median.
     """
 
     pixels: float
@@ -33,11 +35,18 @@ class Agreement:
     mean: float
     difference: float
     resolution: float
+    block_resolution: float
     worst: tuple[int, ...]
 
-    def require(self, significance: float = 1e-3, resolution: float = 0.02) -> Agreement:
+    def require(
+        self,
+        significance: float = 1e-3,
+        resolution: float = 0.02,
+        block_resolution: float = math.inf,
+    ) -> Agreement:
         """Fail where a question is answered "different", or where the noise hides the answer."""
         assert self.resolution <= resolution, f"too noisy to tell: {self}"
+        assert self.block_resolution <= block_resolution, f"blocks too noisy to tell: {self}"
         for question in ("pixels", "blocks", "mean"):
             assert getattr(self, question) >= significance, f"{question} differ: {self}"
         return self
@@ -77,19 +86,27 @@ def blocks_of(pictures: np.ndarray, size: int) -> np.ndarray:
     return cut.reshape(n, h // size, size, w // size, size, c).mean(axis=(2, 4))
 
 
+def _relative_error(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Standard error of the difference of the means over the first axis, relative to b's."""
+    variance = sum(x.var(axis=0, ddof=1) / len(x) for x in (a, b) if len(x) > 1)
+    mean = np.abs(b.mean(axis=0))
+    return np.sqrt(variance)[mean > 0] / mean[mean > 0]
+
+
 def agreement(a: np.ndarray, b: np.ndarray, block: int = 4) -> Agreement:
     """Compare pictures (seeds, h, w, c) with others, or with one exact picture (h, w, c)."""
     b = b[None] if b.ndim == 3 else b
     p = _p_values(a, b)
     means = [x.mean(axis=(1, 2, 3)) for x in (a, b)]
+    blocks = [blocks_of(x, block) for x in (a, b)]
     reference = abs(float(means[1].mean()))
-    errors = [m.var(ddof=1) / len(m) if len(m) > 1 else 0.0 for m in means]
     return Agreement(
         pixels=sidak(p),
-        blocks=sidak(_p_values(blocks_of(a, block), blocks_of(b, block))),
+        blocks=sidak(_p_values(*blocks)),
         mean=float(_p_values(means[0][:, None], means[1][:, None])[0]),
         difference=float(means[0].mean() - means[1].mean()) / reference,
-        resolution=float(np.sqrt(sum(errors))) / reference,
+        resolution=float(_relative_error(*(m[:, None] for m in means))[0]),
+        block_resolution=float(np.median(_relative_error(*blocks))),
         worst=tuple(int(i) for i in np.unravel_index(np.argmin(p), p.shape)),
     )
 

@@ -1,0 +1,158 @@
+"""Any set of mutations makes the same picture.
+
+A set that holds the new path or the bidirectional mutation reaches every path. As chains start from
+their own bootstrap, distributed as the target is, even a set that does not reach every path leaves
+that distribution as it is if its transition densities are right: single perturbations, for hundreds
+of steps with nothing else beside them, show a wrong one best.
+
+Reference: bidirectional path tracing. Welch's t-tests between independent seeds: per pixel, per
+block of 4 × 4 pixels and of the mean, each at the significance 10⁻³. Differences of some four times
+the resolution that is asked of the mean and of the median block would be seen. A chain whose
+mutations do not apply stays where it started, one lump in one pixel, which t-tests cannot judge:
+single mutations are tried where they apply to (almost) all light.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from support import class_scenes, scenes
+from support.rendering import build, pictures
+from support.statistics import agreement
+
+DEPTH = 6
+MUTATIONS = ("new_path", "bidirectional", "lens", "caustic", "multi_chain", "lens_subpath")
+REACH_ALL = {"new_path", "bidirectional"}
+
+SETS = [set(c) for n in range(1, 7) for c in combinations(MUTATIONS, n)]
+ADMISSIBLE = [c for c in SETS if c & REACH_ALL]
+
+
+def label(mutations: set[str]) -> str:
+    return "+".join(m for m in MUTATIONS if m in mutations)
+
+
+def scene_of(name: str):
+    return (class_scenes if name in class_scenes.CLASS_SCENES else scenes).build(name)
+
+
+@cache
+def built(name: str):
+    return build(scene_of(name))
+
+
+@cache
+def reference(name: str, seeds: int = 16, samples: int = 128) -> np.ndarray:
+    return pictures(built(name), "bdpt", range(1000, 1000 + seeds), samples=samples, depth=DEPTH)
+
+
+def chains(
+    name: str, mutations: set[str], seeds: int = 16, samples: int = 384, **settings: object
+) -> np.ndarray:
+    weights = dict.fromkeys(mutations, 1.0)
+    return pictures(
+        built(name),
+        "mlt",
+        seeds,
+        samples=samples,
+        depth=DEPTH,
+        mutation_weights=weights,
+        **settings,
+    )
+
+
+def test_the_sets() -> None:
+    assert len(ADMISSIBLE) == 48
+
+
+ALONE = {
+    "new_path": "indirect_room",
+    "bidirectional": "indirect_room",
+    "lens": "seen_in_a_mirror",
+    "caustic": "mirror_caustic_through_a_lens",
+    "multi_chain": "pool",
+    "lens_subpath": "suns_through_glass",
+}
+
+
+@pytest.mark.parametrize("mutation", MUTATIONS)
+def test_each_mutation_alone(mutation: str) -> None:
+    name = ALONE[mutation]
+    agreement(chains(name, {mutation}), reference(name)).require(
+        resolution=0.015, block_resolution=0.07
+    )
+
+
+CAMERAS_AND_LIGHTS = {
+    "indirect_room": "a lamp with an area; pinhole",
+    "glowing_mesh_and_mirrors": "emissive mesh; thin lens",
+    "suns_through_glass": "suns with and without extent; orthographic",
+    "core_in_a_glass_shell": "textured dome through glass",
+}
+
+
+@pytest.mark.parametrize("name", CAMERAS_AND_LIGHTS)
+def test_all_mutations_together(name: str) -> None:
+    got = chains(name, set(MUTATIONS))
+    agreement(got, reference(name)).require(resolution=0.015, block_resolution=0.07)
+
+
+@pytest.mark.parametrize(
+    ("two_stage", "direct"), [(True, True), (True, False), (False, False)],
+    ids=["two stages", "two stages, direct light by chains", "direct light by chains"],
+)  # fmt: skip
+def test_stages_and_direct_light(two_stage: bool, direct: bool) -> None:
+    """What is traced apart must be what chains leave out; the importance map must cancel."""
+    name = "suns_through_glass"
+    got = chains(name, set(MUTATIONS), direct_separately=direct, two_stage=two_stage)
+    agreement(got, reference(name)).require(resolution=0.015, block_resolution=0.07)
+
+
+# ---------------------------------------------------------------------------------------------
+# All sets, and with more mutations
+
+
+@cache
+def sharp(name: str) -> np.ndarray:
+    return reference(name, 32, 1024)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", class_scenes.CLASS_SCENES)
+def test_every_admissible_set(name: str) -> None:
+    """Direct light and stages alternate between the sets. Šidák's correction counts the sets. The
+    average over all sets, whose seeds are the same but whose chains are not, is sharper."""
+    answers, total = {}, 0.0
+    for i, mutations in enumerate(ADMISSIBLE):
+        variant = {"direct_separately": i % 2 == 0, "two_stage": i // 2 % 2 == 0}
+        got = chains(name, mutations, samples=256, **variant)
+        total = total + got / len(ADMISSIBLE)
+        answers[label(mutations)] = agreement(got, sharp(name))
+        print(f"{name:30} {label(mutations):60} {answers[label(mutations)]}")
+    significance = -np.expm1(np.log1p(-1e-3) / len(answers))
+    for answer in answers.values():
+        answer.require(significance, resolution=0.03)
+    together = agreement(total, sharp(name))
+    print(f"{name:30} {'all':60} {together}")
+    together.require(resolution=0.004, block_resolution=0.015)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mutation", MUTATIONS)
+def test_each_mutation_alone_for_longer(mutation: str) -> None:
+    name = ALONE[mutation]
+    got = agreement(chains(name, {mutation}, seeds=24, samples=4096), sharp(name))
+    print(f"{name:30} {mutation:60} {got}")
+    got.require(resolution=0.005, block_resolution=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*class_scenes.CLASS_SCENES, *scenes.SCENES])
+def test_every_scene(name: str) -> None:
+    got = agreement(chains(name, set(MUTATIONS), seeds=24, samples=2048), sharp(name))
+    print(f"{name:30} {'default':60} {got}")
+    got.require(resolution=0.006, block_resolution=0.02)
