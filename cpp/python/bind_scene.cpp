@@ -10,6 +10,7 @@
 #include "paths/trace.hpp"
 #include "python/bind_lights.hpp"
 #include "python/bind_materials.hpp"
+#include "scene/dirac_content.hpp"
 
 namespace py = pybind11;
 
@@ -300,6 +301,11 @@ void bind_scene(py::module_& module) {
         .def_property_readonly("width", [](const Scene& s) { return s.camera.width; })
         .def_property_readonly("height", [](const Scene& s) { return s.camera.height; })
         .def_property_readonly("has_lights", [](const Scene& s) { return !s.lights.empty(); })
+        .def_property_readonly("dirac_lights", &dirac_lights,
+                               "Indices of the lights of one exact direction.")
+        .def_property_readonly("dirac_materials", &dirac_materials,
+                               "Indices of the materials with a lobe without spread, as far as "
+                               "meshes have them.")
         .def("intersect", &closest_hits, py::arg("origins"), py::arg("directions"),
              "Closest hits of rays, (n, 3) arrays in world space: a dict of arrays.");
 }

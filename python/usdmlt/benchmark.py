@@ -25,6 +25,7 @@ from usdmlt.settings import Settings
 
 if TYPE_CHECKING:
     from usdmlt.scene import Scene
+    from usdmlt.settings import ResolvedIntegrator
 
 SEEDS = 4
 
@@ -41,21 +42,20 @@ class Measurement:
     mean: float
 
 
-def measure(scene: Scene, integrator: str, samples: int, depth: int) -> Measurement:
+def measure(scene: Scene, integrator: ResolvedIntegrator, samples: int, depth: int) -> Measurement:
     """Render a scene :data:`SEEDS` times on one thread."""
     core_scene = native.build_scene(scene, "avx2")
     pictures = []
     totals = {"samples": 0.0, "rays": 0.0, "cpu_seconds": 0.0}
     for seed in range(SEEDS):
         settings = Settings(
-            integrator=integrator,  # type: ignore[arg-type]
             samples=samples,
             depth=depth,
             seed=seed,
             threads=1,
             filter="box",
         )
-        render = native.plan_render(core_scene, settings)
+        render = native.plan_render(core_scene, settings, integrator)
         render.run(render.units_total, threads=1)
         stats = render.stats()
         for key in totals:

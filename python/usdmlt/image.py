@@ -1,6 +1,7 @@
 """Pictures: named layers of floats, and their files.
 
-EXR is the picture itself: linear, half RGBA, premultiplied. PNG is a view of it for looking at.
+EXR is the picture itself: linear, half RGBA, premultiplied, and the error of its luminance as a
+layer of floats. PNG is a view of it for looking at.
 """
 
 from __future__ import annotations
@@ -21,11 +22,16 @@ logger = logging.getLogger("usdmlt")
 
 EXTENSIONS = (".exr", ".png")
 HALF_MAX = 65504.0
+# Channel C of layer L is named L.C in an EXR. Floats: errors are small, and half stops at 6e-8.
+ERROR_CHANNEL = "error.Y"
 
 # Attributes that EXR and OpenImageIO define; everything else is written as usdmlt:NAME.
 _STANDARD_ATTRIBUTES = frozenset(
     {"renderer", "Software", "worldToCamera", "worldToNDC", "comments", "FramesPerSecond"}
 )
+# Arrays of (height, width) by the name they have in the file, in its order.
+_Channels = dict[str, npt.NDArray[Any]]
+_FORMATS = {"float16": "half", "float32": "float", "uint8": "uint8"}  # as OpenImageIO names them
 _PNG_END = b"\x00\x00\x00\x00IEND\xaeB`\x82"
 
 
@@ -34,8 +40,9 @@ class Image:
     """A rendered picture.
 
     ``channels``: float32 layers by name: ``"color"`` (height, width, 3), linear in
-    ``color_space`` and premultiplied by coverage, and ``"alpha"`` (height, width). Row 0 is the
-    top. ``image["color"]`` is short for ``image.channels["color"]``.
+    ``color_space`` and premultiplied by coverage, ``"alpha"`` (height, width), and where it was
+    estimated ``"error"`` (height, width), the standard error of the luminance of ``"color"``.
+    Row 0 is the top. ``image["color"]`` is short for ``image.channels["color"]``.
     ``stats``: what the render measured. ``metadata``: what the file says about its making
     (renderer, stage, camera, frame, seed, samples, seconds ...): strings, numbers, 4x4 arrays.
     """
@@ -68,19 +75,20 @@ class Image:
         """Write ``.exr`` or ``.png``, whole or not at all.
 
         The EXR holds half floats; what is beyond their range is clamped to ±65504 and counted in a
-        warning. The PNG is the sRGB view (:func:`usdmlt.color.srgb_view`), opaque.
+        warning. The error is its channel ``error.Y``, of floats. The PNG is the sRGB view
+        (:func:`usdmlt.color.srgb_view`), opaque, and has no error.
         Raises ValueError for another extension and :class:`usdmlt.Error` when the file cannot be
         written; an existing file of that name is then as it was.
         """
         target = check_extension(path)
         if target.suffix.lower() == ".exr":
-            pixels, attributes = self._exr()
+            channels, attributes = self._exr()
         else:
-            pixels, attributes = self._png()
+            channels, attributes = self._png()
         with files.replacing(target) as temporary:
-            _write_pixels(temporary, pixels, attributes)
+            _write_channels(temporary, channels, attributes)
 
-    def _exr(self) -> tuple[npt.NDArray[Any], dict[str, Any]]:
+    def _exr(self) -> tuple[_Channels, dict[str, Any]]:
         rgba = np.concatenate([self["color"], self["alpha"][..., None]], axis=-1)
         beyond = int(np.count_nonzero(np.abs(rgba) > HALF_MAX))
         if beyond:
@@ -101,17 +109,22 @@ class Image:
         for name, value in self.metadata.items():
             if value is not None:
                 attributes[name if name in _STANDARD_ATTRIBUTES else f"usdmlt:{name}"] = value
-        return np.clip(rgba, -HALF_MAX, HALF_MAX).astype(np.float16), attributes
+        rgba = np.clip(rgba, -HALF_MAX, HALF_MAX).astype(np.float16)
+        channels = dict(zip("RGBA", np.moveaxis(rgba, -1, 0), strict=True))
+        if "error" in self.channels:
+            channels[ERROR_CHANNEL] = self["error"].astype(np.float32)
+        return channels, attributes
 
-    def _png(self) -> tuple[npt.NDArray[Any], dict[str, Any]]:
+    def _png(self) -> tuple[_Channels, dict[str, Any]]:
         attributes = {"oiio:ColorSpace": "sRGB"}
         if "renderer" in self.metadata:
             attributes["Software"] = self.metadata["renderer"]
-        return color.srgb_view(self["color"], self.color_space), attributes
+        view = color.srgb_view(self["color"], self.color_space)
+        return dict(zip("RGB", np.moveaxis(view, -1, 0), strict=True)), attributes
 
 
 def read(path: str | os.PathLike[str]) -> Image:
-    """Read an EXR that usdmlt wrote, or any other with channels R, G, B and optionally A.
+    """Read an EXR that usdmlt wrote, or any other with channels R, G, B and perhaps A, error.Y.
 
     Raises :class:`usdmlt.Error` when it is missing, unreadable or lacks those channels.
     """
@@ -130,6 +143,9 @@ def read(path: str | os.PathLike[str]) -> Image:
         raise Error(f"cannot read {path}: it has no channels R, G, B but {', '.join(names)}")
     rgb = pixels[..., [names.index(c) for c in "RGB"]]
     alpha = pixels[..., names.index("A")] if "A" in names else np.ones_like(rgb[..., 0])
+    channels = {"color": rgb, "alpha": alpha}
+    if ERROR_CHANNEL in names:
+        channels["error"] = pixels[..., names.index(ERROR_CHANNEL)]
     metadata = {
         a.name.removeprefix("usdmlt:"): a.value
         for a in spec.extra_attribs
@@ -137,7 +153,7 @@ def read(path: str | os.PathLike[str]) -> Image:
     }
     # OpenImageIO before 3.1 renames what it finds in oiio:ColorSpace.
     color_space = spec.get_string_attribute("colorInteropID", color.DEFAULT)
-    return Image({"color": rgb, "alpha": alpha}, color_space=color_space, metadata=metadata)
+    return Image(channels, color_space=color_space, metadata=metadata)
 
 
 def check_extension(path: str | os.PathLike[str]) -> Path:
@@ -149,21 +165,23 @@ def check_extension(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _write_pixels(path: Path, pixels: npt.NDArray[Any], attributes: dict[str, Any]) -> None:
+def _write_channels(path: Path, channels: _Channels, attributes: dict[str, Any]) -> None:
     """Write the file and make sure that all of it is there; OSError otherwise."""
     import OpenImageIO as oiio
 
-    height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(
-        width, height, channels, "half" if pixels.dtype == np.float16 else "uint8"
+    pixels = np.stack(list(channels.values()), axis=-1)
+    height, width, count = pixels.shape
+    spec = oiio.ImageSpec(width, height, count, _FORMATS[pixels.dtype.name])
+    spec.channelnames = tuple(channels)
+    spec.channelformats = tuple(
+        oiio.TypeDesc(_FORMATS[channel.dtype.name]) for channel in channels.values()
     )
-    spec.channelnames = ("R", "G", "B", "A")[:channels]
     for name, value in attributes.items():
         _set_attribute(spec, name, value)
     file = oiio.ImageOutput.create(os.fspath(path))
     if file is None:
         raise OSError(_one_line(oiio.geterror()))
-    written = file.open(os.fspath(path), spec) and file.write_image(np.ascontiguousarray(pixels))
+    written = file.open(os.fspath(path), spec) and file.write_image(pixels)
     written = file.close() and written
     if not written or file.has_error:
         raise OSError(_one_line(file.geterror()))
@@ -183,11 +201,10 @@ def _is_whole(path: Path, pixels: npt.NDArray[Any]) -> bool:
     if file is None:
         oiio.geterror()  # fetched so that it is not printed at exit
         return False
-    again = file.read_image("half")
+    again = file.read_image(_FORMATS[pixels.dtype.name])
     file.geterror()
     file.close()
-    # Bytes are compared: NaN differs from itself.
-    return again is not None and again.tobytes() == pixels.tobytes()
+    return again is not None and np.array_equal(again, pixels, equal_nan=True)
 
 
 def _set_attribute(spec: Any, name: str, value: Any) -> None:

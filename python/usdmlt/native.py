@@ -11,7 +11,7 @@ from usdmlt.errors import Error
 if TYPE_CHECKING:
     from usdmlt import _core
     from usdmlt.scene import Scene
-    from usdmlt.settings import Settings
+    from usdmlt.settings import ResolvedIntegrator, Settings
 
 
 def core() -> ModuleType:
@@ -36,16 +36,22 @@ def build_scene(scene: Scene, embree_isa: str) -> _core.Scene:
     return built
 
 
-def plan_render(scene: _core.Scene, settings: Settings) -> _core.Render:
-    """Plan the render of a built scene: nothing is rendered yet."""
+def plan_render(
+    scene: _core.Scene, settings: Settings, integrator: ResolvedIntegrator
+) -> _core.Render:
+    """Plan the render of a built scene by one integrator: nothing is rendered yet."""
     try:
         planned: _core.Render = core().Render(
             scene,
-            integrator=settings.resolved_integrator,
+            integrator=integrator,
             samples=settings.resolved_samples,
             depth=settings.depth,
             seed=settings.seed,
             filter=settings.filter,
+            direct_separately=settings.direct_separately,
+            two_stage=settings.two_stage,
+            mutation_weights=settings.mutation_weights or {},
+            error_layer=settings.error,
         )
     except RuntimeError as error:
         raise Error(str(error)) from error

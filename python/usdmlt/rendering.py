@@ -14,18 +14,21 @@ import numpy as np
 
 from usdmlt import color, native
 from usdmlt._version import __version__
-from usdmlt.errors import UsageError
+from usdmlt.errors import UsageError, Warning
 from usdmlt.image import Image
 from usdmlt.interruption import Interruption
 from usdmlt.scene import Camera, Scene
-from usdmlt.settings import Settings, check_resolution
+from usdmlt.settings import ResolvedIntegrator, Settings, check_resolution
 
 if TYPE_CHECKING:
     from pxr import Usd
 
+    from usdmlt import _core
+
 logger = logging.getLogger("usdmlt")
 
 TRUNCATION_WARNED_ABOUT = 0.01
+EDGES_OF_UNREACHABLE_PATHS = 4  # of LSDSE, the shortest of them
 
 
 @dataclass(frozen=True)
@@ -36,10 +39,11 @@ class Progress:
     units_total: int
     samples_per_unit: float  # on average
     seconds: float
+    samples_are: str = "samples"  # "mutations" of mlt
 
     @property
     def samples_done(self) -> float:
-        """Samples taken so far, over all pixels."""
+        """Samples taken, or mutations made, so far, over all pixels."""
         return self.units_done * self.samples_per_unit
 
 
@@ -56,7 +60,7 @@ class Rendering:
 
     ``scene``: the scene description; ``settings``: how to render it. Building the acceleration
     structures and the plan happens here; raises :class:`usdmlt.Error` when the core refuses the
-    scene.
+    scene. ``integrator`` is the one that runs: ``"path"``, ``"bdpt"`` or ``"mlt"``.
     """
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
@@ -65,7 +69,9 @@ class Rendering:
         color.rendering_space(scene.color_space)  # the picture's file has to name it
         started = perf_counter()
         self._core_scene = native.build_scene(scene, settings.embree_isa)
-        self._render = native.plan_render(self._core_scene, settings)
+        self.integrator: ResolvedIntegrator = resolve_integrator(settings)
+        self._render = native.plan_render(self._core_scene, settings, self.integrator)
+        self._unreachable = unreachable_light(scene, self._core_scene, settings.depth)
         self._seconds_building = perf_counter() - started
 
     @property
@@ -110,26 +116,42 @@ class Rendering:
     def image(self) -> Image:
         """The picture of the units done so far."""
         stats = self.stats()
-        _warn(stats)
-        return Image.from_rgba(
+        image = Image.from_rgba(
             self._render.image(),
             color_space=self.scene.color_space,
             stats=stats,
             metadata=_metadata(self.scene, stats),
         )
+        if self.settings.error:
+            image.channels["error"] = self._render.error()
+        if self.units_done > 0 and not image["color"].any():
+            logger.warning("no light was found that reaches the camera: the picture is black")
+        _warn(stats)
+        return image
 
     def stats(self) -> dict[str, Any]:
-        """What the core measured, and the settings as they were resolved."""
+        """What the core measured, and the settings as they were resolved: JSON has them all.
+
+        Of ``"mlt"`` too: ``mutations`` and their rates; ``b``, the integral that scales the
+        picture, and ``b_error``, its standard error; ``mutation``, by name: the weight with which
+        it was tried, how often it was applicable, proposed, made a path and was accepted, and the
+        mean acceptance probability; ``path_class_energy``, mean luminance by class (``"LSDE"``);
+        ``longest_rejection``, steps that the most stubborn path stayed.
+        """
         measured = self._render.stats()
+        measured.update(measured.pop("mlt", {}))
         settings = asdict(self.settings)
-        settings["integrator"] = self.settings.resolved_integrator
+        settings["integrator"] = self.integrator
         settings["threads"] = self.settings.resolved_threads
+        spent = measured["mutations" if self.integrator == "mlt" else "samples"]
         return {
+            "integrator": self.integrator,
             **measured,
             "units_done": self.units_done,
             "units_total": self.units_total,
-            "samples_per_pixel": measured["samples"] / self._pixels,
+            "samples_per_pixel": spent / self._pixels,
             "truncated_fraction": truncated_fraction(measured["path_length_energy"]),
+            "unreachable": self._unreachable,
             "seconds_building": self._seconds_building,
             "settings": settings,
         }
@@ -140,7 +162,15 @@ class Rendering:
 
     def _progress(self, units_done: int, seconds: float) -> Progress:
         samples_per_unit = self._pixels * self.settings.resolved_samples / self.units_total
-        return Progress(units_done, self.units_total, samples_per_unit, seconds)
+        samples_are = "mutations" if self.integrator == "mlt" else "samples"
+        return Progress(units_done, self.units_total, samples_per_unit, seconds, samples_are)
+
+
+def resolve_integrator(settings: Settings) -> ResolvedIntegrator:
+    """The integrator that ``settings`` ask for; of ``"auto"``, the one that suits them."""
+    if settings.integrator != "auto":
+        return settings.integrator
+    return "path" if settings.mutations is None else "mlt"
 
 
 def render(
@@ -164,8 +194,11 @@ def render(
     none of the options of reading: camera, frame, width, height, purposes, mask, session_layer,
     color_space and strict are those of :func:`usdmlt.load`.
     ``progress``: called about ten times a second with a :class:`Progress`.
-    ``settings``: the fields of :class:`usdmlt.Settings`: integrator, samples, time, depth, seed,
-    threads, filter.
+    ``settings``: the fields of :class:`usdmlt.Settings`: integrator, samples, mutations, time,
+    depth, seed, threads, filter, error, mutation_weights, direct, two_stage.
+
+    The picture's layers are ``"color"`` and ``"alpha"`` and, unless ``error=False``, ``"error"``:
+    the standard error of the luminance by pixel; 0 where there were too few samples to tell.
 
     Raises ValueError for settings out of range, :class:`usdmlt.Error` when the render could not
     be done, and :class:`usdmlt.Interrupted`, a KeyboardInterrupt that carries the picture so far,
@@ -203,6 +236,22 @@ def render(
     return rendering.image()
 
 
+def unreachable_light(scene: Scene, core_scene: _core.Scene, depth: int) -> dict[str, list[str]]:
+    """The names of lights and materials between which paths are that no integrator can make.
+
+    Light of one exact direction that smooth surfaces send to a rough one, and that is seen by way
+    of smooth ones again, L S+ D … S+ E, has density zero under every technique. Empty where there
+    is no such light or no smooth material, or where such paths are longer than ``depth`` edges.
+    """
+    lights, materials = core_scene.dirac_lights, core_scene.dirac_materials
+    if not lights or not materials or depth < EDGES_OF_UNREACHABLE_PATHS:
+        return {}
+    return {
+        "lights": [scene.lights[i].name for i in lights],
+        "materials": [scene.materials[i].name for i in materials],
+    }
+
+
 def truncated_fraction(energies: Sequence[float]) -> float:
     """An estimate of the share of the light on paths longer than the depth limit.
 
@@ -231,12 +280,26 @@ def _warn(stats: dict[str, Any]) -> None:
             100 * stats["truncated_fraction"],
             stats["settings"]["depth"],
         )
+    unreachable = stats["unreachable"]
+    if unreachable:
+        logger.warning(
+            "light of one exact direction (%s) that smooth surfaces (%s) send to a rough one, and "
+            "that is seen through smooth ones again, is missing: no integrator can find it; give "
+            "the light an angle",
+            _listed(unreachable["lights"]),
+            _listed(unreachable["materials"]),
+        )
     if stats["non_finite"]:
         logger.warning("%d contributions were not finite and were left out", stats["non_finite"])
     if stats["overflows"]:
         logger.warning(
             "%d contributions were too bright for the film and were cut", stats["overflows"]
         )
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names for a warning, the first few of them."""
+    return str(Warning("", [name or "unnamed" for name in names])).removeprefix(": ")
 
 
 def _metadata(scene: Scene, stats: dict[str, Any]) -> dict[str, Any]:
@@ -250,7 +313,7 @@ def _metadata(scene: Scene, stats: dict[str, Any]) -> dict[str, Any]:
         "frame": scene.metadata.get("frame"),
         "camera": scene.camera.name or None,
         "integrator": settings["integrator"],
-        "samples": stats.get("samples_per_pixel"),
+        "mutations" if settings["integrator"] == "mlt" else "samples": stats["samples_per_pixel"],
         "units": stats["units_done"],
         "depth": settings["depth"],
         "filter": settings["filter"],

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Literal, get_args
 
 from usdmlt.errors import UsageError
 
-IntegratorName = Literal["auto", "path", "bdpt"]
+ResolvedIntegrator = Literal["path", "bdpt", "mlt"]
+IntegratorName = Literal["auto", "path", "bdpt", "mlt"]
+DirectName = Literal["auto", "mlt", "separate"]
 FilterName = Literal["gaussian", "box"]
 EmbreeIsa = Literal["sse2", "sse4.2", "avx", "avx2", "avx512"]
+
+MUTATIONS = ("new_path", "bidirectional", "lens", "caustic", "multi_chain", "lens_subpath")
+# One of these has to be there: the others keep the length of a path, or what it runs through.
+ERGODIC_MUTATIONS = ("new_path", "bidirectional")
 
 # What `--time` alone means: as many samples as the time allows.
 UNLIMITED_SAMPLES = 2**20
@@ -22,49 +29,84 @@ UNLIMITED_SAMPLES = 2**20
 class Settings:
     """Settings of a render; values out of range raise ValueError.
 
-    ``integrator``: ``"path"`` (path tracing), ``"bdpt"`` (bidirectional path tracing) or
-    ``"auto"``, which is ``"path"`` in this version.
-    ``samples``: per pixel; None: 64, or as many as ``time`` allows.
+    ``integrator``: ``"path"`` (path tracing), ``"bdpt"`` (bidirectional path tracing), ``"mlt"``
+    (Metropolis light transport) or ``"auto"``: ``"mlt"`` where mutations are asked for, else
+    ``"path"``.
+    ``samples``: per pixel, of whichever integrator runs: mutations for ``"mlt"``. None: 64, or as
+    many as ``time`` allows.
+    ``mutations``: the same for ``"mlt"`` alone. The render ends with a whole unit of work, so a
+    small picture may get more.
     ``time``: seconds of rendering after which to stop, not counting the reading of the stage.
     ``depth``: the most edges a path may have, lens and light included: 2 is direct light.
     ``seed``: any integer from 0 below 2^32. The same scene, settings and seed give the same bits.
     ``threads``: None: as many as the process may run on.
     ``filter``: the pixel filter, ``"gaussian"`` or ``"box"``.
+    ``error``: whether the picture gets a layer ``"error"``, the standard error of its luminance.
     ``embree_isa``: the instruction set Embree uses. Pictures made with different ones differ in
     the last bits.
+
+    Of ``"mlt"`` alone:
+
+    ``mutation_weights``: how often each mutation is tried, relative to the others that apply;
+    those that are not named are not. Names: ``new_path``, ``bidirectional``, ``lens``,
+    ``caustic``, ``multi_chain``, ``lens_subpath``; one of the first two has to be among them.
+    None: chosen for the scene.
+    ``direct``: who renders light that is seen directly or after one bounce: path tracing
+    (``"separate"``) or the mutations (``"mlt"``); ``"auto"`` is ``"separate"``.
+    ``two_stage``: whether a coarse picture is rendered first, so that dark parts get as much work
+    as bright ones.
     """
 
     integrator: IntegratorName = "auto"
     samples: int | None = None
+    mutations: int | None = None
     time: float | None = None
     depth: int = 16
     seed: int = 0
     threads: int | None = None
     filter: FilterName = "gaussian"
+    error: bool = True
+    mutation_weights: Mapping[str, float] | None = None
+    direct: DirectName = "auto"
+    two_stage: bool = False
     embree_isa: EmbreeIsa = "avx2"
 
     def __post_init__(self) -> None:
         _check_choice("integrator", self.integrator, get_args(IntegratorName))
         _check_choice("filter", self.filter, get_args(FilterName))
+        _check_choice("direct", self.direct, get_args(DirectName))
         _check_choice("embree_isa", self.embree_isa, get_args(EmbreeIsa))
-        _check_integer("samples", self.samples, 1, UNLIMITED_SAMPLES, optional=True)
-        _check_integer("depth", self.depth, 1, 1000)
-        _check_integer("seed", self.seed, 0, 2**32 - 1)
-        _check_integer("threads", self.threads, 1, 4096, optional=True)
+        check_integer("samples", self.samples, 1, UNLIMITED_SAMPLES, optional=True)
+        check_integer("mutations", self.mutations, 1, UNLIMITED_SAMPLES, optional=True)
+        check_integer("depth", self.depth, 1, 1000)
+        check_integer("seed", self.seed, 0, 2**32 - 1)
+        check_integer("threads", self.threads, 1, 4096, optional=True)
         if self.time is not None and not (self.time > 0 and math.isfinite(self.time)):
             raise UsageError(f"time must be a positive number of seconds, not {self.time}")
-
-    @property
-    def resolved_integrator(self) -> Literal["path", "bdpt"]:
-        """The integrator that runs."""
-        return "path" if self.integrator == "auto" else self.integrator
+        if self.mutation_weights is not None:
+            weights = check_weights(
+                "mutation_weights", self.mutation_weights, MUTATIONS, ERGODIC_MUTATIONS
+            )
+            object.__setattr__(self, "mutation_weights", weights)
+        if self.samples is not None and self.mutations is not None:
+            raise UsageError("samples and mutations say the same: give one of them")
+        if self.integrator not in ("auto", "mlt"):
+            for name in ("mutations", "mutation_weights"):
+                if getattr(self, name) is not None:
+                    raise UsageError(f"{name} are for mlt, not for {self.integrator}")
 
     @property
     def resolved_samples(self) -> int:
-        """The samples per pixel at which the render ends if nothing stops it before."""
-        if self.samples is not None:
-            return self.samples
+        """Samples, or mutations, per pixel at which the render ends if nothing stops it before."""
+        given = self.mutations if self.samples is None else self.samples
+        if given is not None:
+            return given
         return 64 if self.time is None else UNLIMITED_SAMPLES
+
+    @property
+    def direct_separately(self) -> bool:
+        """Whether mlt leaves direct light to path tracing."""
+        return self.direct != "mlt"
 
     @property
     def resolved_threads(self) -> int:
@@ -81,8 +123,32 @@ def available_processors() -> int:
 
 def check_resolution(width: int | None, height: int | None) -> None:
     """Raise ValueError for image sizes that cannot be."""
-    _check_integer("width", width, 1, 65536, optional=True)
-    _check_integer("height", height, 1, 65536, optional=True)
+    check_integer("width", width, 1, 65536, optional=True)
+    check_integer("height", height, 1, 65536, optional=True)
+
+
+def check_weights(
+    setting: str, weights: Mapping[str, float], known: Iterable[str], ergodic: Iterable[str]
+) -> dict[str, float]:
+    """Weights of mutations as a dict of floats; ValueError for what they cannot be.
+
+    One of the mutations ``ergodic``, which make every state from every other, has to be in use.
+    """
+    if not isinstance(weights, Mapping):
+        raise UsageError(f"{setting} must be a mapping of names to weights, not {weights!r}")
+    known, ergodic = tuple(known), tuple(ergodic)
+    for name, weight in weights.items():
+        if name not in known:
+            raise UsageError(f"unknown mutation {name!r}: the mutations are {', '.join(known)}")
+        if isinstance(weight, bool) or not isinstance(weight, Real):
+            raise UsageError(f"the weight of {name} must be a number, not {weight!r}")
+        if not (weight >= 0 and math.isfinite(weight)):
+            raise UsageError(f"the weight of {name} must be finite and not negative, not {weight}")
+    if not any(weights.values()):
+        raise UsageError(f"{setting} must not all be zero")
+    if not any(weights.get(name, 0) for name in ergodic):
+        raise UsageError(f"these mutations cannot reach everything: add {' or '.join(ergodic)}")
+    return {name: float(weight) for name, weight in weights.items()}
 
 
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
@@ -90,9 +156,10 @@ def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
         raise UsageError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
 
 
-def _check_integer(
+def check_integer(
     name: str, value: int | None, least: int, most: int, optional: bool = False
 ) -> None:
+    """Raise ValueError for what is no integer between ``least`` and ``most``."""
     if value is None and optional:
         return
     if isinstance(value, bool) or not isinstance(value, Integral):

@@ -79,6 +79,27 @@ def test_what_was_written_can_be_read(tmp_path: Path) -> None:
     assert (again.height, again.width) == (5, 7)
 
 
+def test_the_error_is_a_channel_of_floats_that_comes_back_as_it_was(tmp_path: Path) -> None:
+    """Errors far below the smallest half, 6e-8, and above the largest are kept."""
+    image = picture()
+    rng = np.random.default_rng(2)
+    image.channels["error"] = np.float32(10) ** rng.uniform(-20, 6, (5, 7)).astype(np.float32)
+    image.write(tmp_path / "a.exr")
+    spec = oiio.ImageInput.open(str(tmp_path / "a.exr")).spec()
+    assert spec.channelnames == ("R", "G", "B", "A", "error.Y")
+    assert [str(spec.channelformat(c)) for c in range(5)] == ["half"] * 4 + ["float"]
+    again = read_image(tmp_path / "a.exr")
+    np.testing.assert_array_equal(again["error"], image["error"])
+    np.testing.assert_array_equal(again["color"], image["color"].astype(np.float16))
+    image.write(tmp_path / "a.png")
+    assert oiio.ImageInput.open(str(tmp_path / "a.png")).spec().channelnames == ("R", "G", "B")
+
+
+def test_a_picture_without_error_has_none_when_read(tmp_path: Path) -> None:
+    picture().write(tmp_path / "a.exr")
+    assert "error" not in read_image(tmp_path / "a.exr").channels
+
+
 def test_reading_a_missing_file_is_an_error_of_one_line(tmp_path: Path) -> None:
     with pytest.raises(Error, match=r"cannot read .*none\.exr") as caught:
         read_image(tmp_path / "none.exr")
@@ -152,7 +173,9 @@ import os, resource, sys
 import numpy as np
 from pathlib import Path
 from usdmlt import Error, Image
-image = Image.from_rgba(np.random.default_rng(1).random((64, 64, 4), dtype=np.float32))
+rgba = np.random.default_rng(1).random((64, 64, 4), dtype=np.float32)
+image = Image.from_rgba(rgba)
+image.channels["error"] = rgba[..., 0] ** 9
 path = Path(sys.argv[1])
 image.write(path)
 whole = path.read_bytes()

@@ -17,6 +17,10 @@ def test_rate_elapsed_and_remaining() -> None:
     assert describe(progress(0, 100, 1.0), None) == "0 samples/s, 0:01 elapsed"
 
 
+def test_mlt_counts_mutations() -> None:
+    assert describe(Progress(1, 4, 5e5, 0.5, "mutations"), None).startswith("1 M mutations/s, ")
+
+
 def test_the_nearer_of_time_limit_and_units_counts() -> None:
     assert remaining_seconds(progress(25, 100, 10.0), 15.0) == 5
     assert remaining_seconds(progress(25, 100, 10.0), 1000.0) == 30

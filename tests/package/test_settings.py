@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from usdmlt import Settings
-from usdmlt.settings import check_resolution
+from usdmlt import Rendering, Settings, load
+from usdmlt.rendering import resolve_integrator
+from usdmlt.settings import MUTATIONS, check_resolution
 
 
 @pytest.mark.parametrize(
@@ -24,7 +26,20 @@ from usdmlt.settings import check_resolution
         ({"time": 0}, "time must be a positive number"),
         ({"time": float("nan")}, "time must be a positive number"),
         ({"time": float("inf")}, "time must be a positive number"),
-        ({"integrator": "mlt2"}, "integrator must be one of auto, path, bdpt"),
+        ({"integrator": "mlt2"}, "integrator must be one of auto, path, bdpt, mlt"),
+        ({"mutations": 0}, "mutations must be between 1 and"),
+        ({"mutations": 4, "samples": 4}, "samples and mutations say the same"),
+        ({"mutations": 4, "integrator": "path"}, "mutations are for mlt, not for path"),
+        ({"mutation_weights": {"new_path": 1}, "integrator": "bdpt"}, "are for mlt, not for bdpt"),
+        ({"mutation_weights": ["lens"]}, "must be a mapping of names to weights"),
+        ({"mutation_weights": {}}, "must not all be zero"),
+        ({"mutation_weights": {"lense": 1}}, "unknown mutation 'lense': the mutations are new_"),
+        ({"mutation_weights": {"lens": -0.1}}, "lens must be finite and not negative"),
+        ({"mutation_weights": {"lens": float("inf")}}, "lens must be finite and not negative"),
+        ({"mutation_weights": {"lens": "1"}}, "the weight of lens must be a number"),
+        ({"mutation_weights": {"new_path": 0, "lens": 0}}, "must not all be zero"),
+        ({"mutation_weights": {"new_path": 0, "lens": 1}}, "add new_path or bidirectional"),
+        ({"direct": "both"}, "direct must be one of auto, mlt, separate"),
         ({"embree_isa": "neon"}, "embree_isa must be one of sse2,"),
         ({"filter": "sinc"}, "filter must be one of gaussian, box"),
     ],
@@ -40,9 +55,29 @@ def test_impossible_image_sizes_are_refused(size: tuple[int | None, int | None])
         check_resolution(*size)
 
 
-def test_auto_is_path_tracing() -> None:
-    assert Settings().resolved_integrator == "path"
-    assert Settings(integrator="bdpt").resolved_integrator == "bdpt"
+def test_auto_is_path_tracing_unless_mutations_are_asked_for() -> None:
+    assert resolve_integrator(Settings()) == "path"
+    assert resolve_integrator(Settings(mutations=8)) == "mlt"
+    assert resolve_integrator(Settings(integrator="bdpt")) == "bdpt"
+
+
+def test_the_mutations_are_those_of_the_core(stage: Path) -> None:
+    rendering = Rendering(load(stage, width=8), Settings(integrator="mlt"))
+    assert tuple(rendering.stats()["mutation"]) == MUTATIONS
+
+
+def test_mutations_are_samples_of_mlt() -> None:
+    assert Settings(mutations=8).resolved_samples == 8
+    assert Settings(integrator="mlt", samples=8).resolved_samples == 8
+    assert Settings(integrator="mlt").resolved_samples == 64
+
+
+def test_weights_are_kept_as_numbers_by_name() -> None:
+    weights = {"lens": np.float32(0.5), "bidirectional": 1}
+    assert Settings(mutation_weights=weights).mutation_weights == {
+        "lens": 0.5,
+        "bidirectional": 1.0,
+    }
 
 
 def test_samples_default_to_64_and_are_unlimited_under_a_time_limit() -> None:

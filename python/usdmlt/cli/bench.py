@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from usdmlt.cli.logs import add_verbosity
-from usdmlt.settings import Settings
+from usdmlt.settings import ResolvedIntegrator, Settings
 
-INTEGRATORS = ("path", "bdpt")
+INTEGRATORS: tuple[ResolvedIntegrator, ...] = ("path", "bdpt")
 
 
 def add_parser(subparsers: Any) -> None:

@@ -56,7 +56,7 @@ def describe(progress: Progress, time_limit: float | None) -> str:
     rate = progress.samples_done / max(progress.seconds, 1e-9)
     remaining = remaining_seconds(progress, time_limit)
     left = "" if remaining is None else f", {clock(remaining)} left"
-    return f"{_scaled(rate)} samples/s, {clock(progress.seconds)} elapsed{left}"
+    return f"{_scaled(rate)} {progress.samples_are}/s, {clock(progress.seconds)} elapsed{left}"
 
 
 def _scaled(rate: float) -> str:

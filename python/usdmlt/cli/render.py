@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, get_args
 from usdmlt.cli.frames import check_placeholder, frame_path, parse_frames
 from usdmlt.cli.logs import add_verbosity
 from usdmlt.cli.view import add_view_flags, load_options
-from usdmlt.settings import FilterName, IntegratorName, Settings
+from usdmlt.errors import UsageError
+from usdmlt.settings import MUTATIONS, DirectName, FilterName, IntegratorName, Settings
 
 if TYPE_CHECKING:
     from usdmlt.rendering import Rendering
-    from usdmlt.scene import Scene
 
 logger = logging.getLogger("usdmlt")
 
@@ -27,7 +27,7 @@ def add_parser(subparsers: Any) -> None:
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "render",
         help="render a stage to an image file",
-        description="Render STAGE to OUTPUT, an .exr (linear, half RGBA) or a .png (sRGB view).",
+        description="Render STAGE to OUTPUT, an .exr (linear RGBA, error.Y) or a .png (sRGB view).",
         allow_abbrev=False,
     )
     view = add_view_flags(parser)
@@ -52,13 +52,18 @@ def add_parser(subparsers: Any) -> None:
         "--integrator",
         choices=get_args(IntegratorName),
         default=defaults.integrator,
-        help="path tracing or bidirectional path tracing (default: auto, which is path)",
+        help="path tracing, bidirectional path tracing or Metropolis light transport (default: "
+        "auto, which is mlt where --mutations are given and else path)",
     )
     how.add_argument(
         "--samples",
         metavar="N",
         type=int,
-        help=f"samples per pixel (default: {defaults.resolved_samples}, or what fits into --time)",
+        help="samples per pixel, of mlt mutations per pixel "
+        f"(default: {defaults.resolved_samples}, or what fits into --time)",
+    )
+    how.add_argument(
+        "--mutations", metavar="N", type=int, help="mutations per pixel: --samples of mlt alone"
     )
     how.add_argument(
         "--time",
@@ -94,6 +99,27 @@ def add_parser(subparsers: Any) -> None:
         help="threads (default: as many as the process may run on, "
         f"here {defaults.resolved_threads})",
     )
+    mlt = parser.add_argument_group("Metropolis light transport")
+    mlt.add_argument(
+        "--mutation-weights",
+        metavar="NAME=WEIGHT[,...]",
+        action="append",
+        help="how often each mutation is tried, relative to the others; those left out are not. "
+        f"Names: {', '.join(MUTATIONS)} (default: chosen for the scene)",
+    )
+    mlt.add_argument(
+        "--direct",
+        choices=get_args(DirectName),
+        default=defaults.direct,
+        help="who renders direct light: the mutations (mlt) or path tracing (separate) "
+        "(default: auto, which is separate)",
+    )
+    mlt.add_argument(
+        "--two-stage",
+        action=argparse.BooleanOptionalAction,
+        default=defaults.two_stage,
+        help="render a coarse picture first, so that dark parts get as much work as bright ones",
+    )
     report = parser.add_argument_group("what is reported")
     report.add_argument(
         "--stats",
@@ -111,11 +137,15 @@ def run(arguments: argparse.Namespace) -> int:
     settings = Settings(
         integrator=arguments.integrator,
         samples=arguments.samples,
+        mutations=arguments.mutations,
         time=arguments.time,
         depth=arguments.depth,
         seed=arguments.seed,
         threads=arguments.threads,
         filter=arguments.filter,
+        mutation_weights=parse_weights(arguments.mutation_weights),
+        direct=arguments.direct,
+        two_stage=arguments.two_stage,
     )
     options = load_options(arguments)
     frames = None if arguments.frames is None else parse_frames(arguments.frames)
@@ -130,6 +160,22 @@ def run(arguments: argparse.Namespace) -> int:
         if status:
             return status
     return 0
+
+
+def parse_weights(flags: Sequence[str] | None) -> dict[str, float] | None:
+    """`lens=0.4,bidirectional=0.6`, of one flag or several; None where there is none."""
+    if flags is None:
+        return None
+    weights: dict[str, float] = {}
+    for item in ",".join(flags).split(","):
+        name, _, weight = (part.strip() for part in item.partition("="))
+        if name in weights:
+            raise UsageError(f"--mutation-weights has two weights for {name}")
+        try:
+            weights[name] = float(weight)
+        except ValueError:
+            raise UsageError(f"--mutation-weights: {item!r} is not NAME=WEIGHT") from None
+    return weights
 
 
 def _outputs(arguments: argparse.Namespace) -> list[str]:
@@ -151,7 +197,7 @@ def _render_frame(
 
     scene = load(arguments.stage, frame=frame, strict=arguments.strict, **options)
     rendering = Rendering(scene, settings)
-    logger.info("%s", _description(arguments.stage, scene, settings))
+    logger.info("%s", _description(arguments.stage, rendering))
     with Interruption(signal.SIGINT, signal.SIGTERM, always=True) as interruption:
         with display(settings, quiet=arguments.verbosity < 0) as progress:
             rendering.run(progress, stop=lambda: bool(interruption))
@@ -170,17 +216,24 @@ def _render_frame(
     return 0 if interruption.signal is None else 128 + interruption.signal
 
 
-def _description(stage: str, scene: Scene, settings: Settings) -> str:
+def _description(stage: str, rendering: Rendering) -> str:
     """What will be rendered and how, defaults included."""
-    samples = settings.samples or (settings.resolved_samples if settings.time is None else None)
-    limits = [f"{samples} samples per pixel"] if samples else []
+    scene, settings = rendering.scene, rendering.settings
+    limits = []
+    if settings.time is None or settings.samples or settings.mutations:
+        limits.append(f"{settings.resolved_samples} {_samples(rendering)}")
     if settings.time is not None:
         limits.append(f"{settings.time:g} s")
     return (
         f"{stage}: camera {scene.camera.name or '(automatic)'}, {scene.width}x{scene.height}, "
-        f"{settings.resolved_integrator}, {' or '.join(limits)}, depth {settings.depth}, "
+        f"{rendering.integrator}, {' or '.join(limits)}, depth {settings.depth}, "
         f"{settings.filter} filter, seed {settings.seed}, threads {settings.resolved_threads}"
     )
+
+
+def _samples(rendering: Rendering) -> str:
+    """What the integrator's budget counts."""
+    return "mutations per pixel" if rendering.integrator == "mlt" else "samples per pixel"
 
 
 def _outcome(output: str, rendering: Rendering, stats: dict[str, Any]) -> str:
@@ -191,6 +244,6 @@ def _outcome(output: str, rendering: Rendering, stats: dict[str, Any]) -> str:
         else f"units 0:{rendering.units_done}"
     )
     return (
-        f"wrote {output}: {stats['samples_per_pixel']:g} samples per pixel ({share}) "
+        f"wrote {output}: {stats['samples_per_pixel']:g} {_samples(rendering)} ({share}) "
         f"in {stats['seconds']:.1f} s"
     )
