@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from usdmlt.errors import Error
     from usdmlt.image import Image
     from usdmlt.image import read as read_image
+    from usdmlt.plain import Histogram, metropolis
     from usdmlt.rendering import Interrupted, Progress, Rendering, render
     from usdmlt.scene import Scene
     from usdmlt.settings import Settings
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Error",
+    "Histogram",
     "Image",
     "Interrupted",
     "Progress",
@@ -38,6 +40,7 @@ __all__ = [
     "Settings",
     "__version__",
     "load",
+    "metropolis",
     "read_image",
     "render",
 ]
@@ -45,6 +48,7 @@ __all__ = [
 # Where each public name lives: module, and its name there.
 _HOMES = {
     "Error": ("usdmlt.errors", "Error"),
+    "Histogram": ("usdmlt.plain", "Histogram"),
     "Image": ("usdmlt.image", "Image"),
     "Interrupted": ("usdmlt.rendering", "Interrupted"),
     "Progress": ("usdmlt.rendering", "Progress"),
@@ -52,6 +56,7 @@ _HOMES = {
     "Scene": ("usdmlt.scene", "Scene"),
     "Settings": ("usdmlt.settings", "Settings"),
     "load": ("usdmlt.stage", "load"),
+    "metropolis": ("usdmlt.plain", "metropolis"),
     "read_image": ("usdmlt.image", "read"),
     "render": ("usdmlt.rendering", "render"),
 }

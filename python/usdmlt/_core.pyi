@@ -1,6 +1,6 @@
 """The compiled core. Use it through :mod:`usdmlt.native`. Probes for tests are left out here."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,10 @@ class Scene:
     def height(self) -> int: ...
     @property
     def has_lights(self) -> bool: ...
+    @property
+    def dirac_lights(self) -> list[int]: ...
+    @property
+    def dirac_materials(self) -> list[int]: ...
     def intersect(
         self, origins: npt.ArrayLike, directions: npt.ArrayLike
     ) -> dict[str, npt.NDArray[Any]]: ...
@@ -34,6 +38,10 @@ class Render:
         filter: str = "gaussian",
         min_edges: int = 1,
         background: bool = True,
+        direct_separately: bool = True,
+        two_stage: bool = False,
+        mutation_weights: Mapping[str, float] = ...,
+        error_layer: bool = True,
     ) -> None: ...
     @property
     def units_total(self) -> int: ...
@@ -47,9 +55,23 @@ class Render:
         poll: Callable[[int], bool] | None = None,
     ) -> int: ...
     def image(self) -> npt.NDArray[np.float32]: ...
+    def error(self) -> npt.NDArray[np.float32]: ...
     def stats(self) -> dict[str, Any]: ...
     def replay_rays_per_cpu_second(self, count: int = 1000000) -> float: ...
 
+plain_mutations: tuple[str, ...]
+
+def plain_metropolis(
+    f: npt.NDArray[np.float64],
+    *,
+    weights: Sequence[float],
+    chains: int,
+    steps: int,
+    seed: int,
+    smallest_step: float,
+    largest_step: float,
+    forget_density: bool = False,
+) -> dict[str, Any]: ...
 def build_info() -> dict[str, Any]: ...
 def embree_version(library: str) -> str: ...
 def embree_instance_levels(library: str, limit: int = 4) -> int: ...
