@@ -84,17 +84,20 @@ bool Bidirectional::propose(MutationContext& context, const Path& x, Path& y, Ch
     return true;
 }
 
+Bidirectional::Choice Bidirectional::choice(const MutationContext& context, int k,
+                                            const Change& change) {
+    const int l = change.l, m = change.m, deleted = m - l, added = change.m_y - l;
+    return {deletion_weight(deleted) / (deletion_total(k) * count_of_l(k, deleted)),
+            Additions(context, k, l, m).probability(added), count_of_splits(k, m, added)};
+}
+
 ScaledDouble Bidirectional::density(MutationContext& context, const Path& x, const Path& y,
                                     const Change& change) {
-    const int k = x.edges(), l = change.l, m = change.m;
-    const int deleted = m - l, added = change.m_y - l;
-    const double p_a = Additions(context, k, l, m).probability(added);
-    if (p_a == 0) return 0;
-    const int splits = count_of_splits(k, m, added);
-    const double choices =
-        deletion_weight(deleted) / (deletion_total(k) * count_of_l(k, deleted)) * p_a / splits;
-    return sum_over_splits(context, y, l, change.m_y,
-                           [&](int j) { return j < splits ? choices : 0.0; });
+    const Choice c = choice(context, x.edges(), change);
+    if (c.addition == 0) return 0;
+    const double choices = c.deletion * c.addition / c.splits;
+    return sum_over_splits(context, y, change.l, change.m_y,
+                           [&](int j) { return j < c.splits ? choices : 0.0; });
 }
 
 }  // namespace usdmlt

@@ -14,6 +14,13 @@ namespace usdmlt {
 struct Bidirectional {
     static constexpr const char* name = "bidirectional";
 
+    // p_d, p_a and n of a change of a path of k edges. A change that cannot be drawn has p_a = 0.
+    struct Choice {
+        double deletion = 0, addition = 0;
+        int splits = 0;
+    };
+    static Choice choice(const MutationContext& context, int k, const Change& change);
+
     static bool applies(const MutationContext&, const Path&) { return true; }
     static bool propose(MutationContext& context, const Path& x, Path& y, Change& change);
     static ScaledDouble density(MutationContext& context, const Path& x, const Path& y,

@@ -119,7 +119,7 @@ bool CausticPerturbation::propose(MutationContext& context, const Path& x, Path&
 }
 
 ScaledDouble CausticPerturbation::density(MutationContext& context, const Path& x, const Path& y,
-                                          const Change& change) {
+                                          const Change& change, const Path& range_of) {
     const bool moves_light = change.l == -1;
     Walk walk = find_walk(x, Known::light, moves_light ? 0 : change.l);
     double pdf = 1.0 / count_starts(x);
@@ -130,11 +130,11 @@ ScaledDouble CausticPerturbation::density(MutationContext& context, const Path& 
             pdf *= context.direction_range.pdf_direction(
                 angle_between(x[0].direction, y[0].direction));
         const double r = distance_from_line(x[1].position, y[1].position, y[0].direction);
-        const LogarithmicRange range = offsets(context, x, walk);
+        const LogarithmicRange range = offsets(context, range_of, walk);
         if (!range.contains(r)) return 0;
         pdf *= range.pdf_plane(r);
     } else {
-        const LogarithmicRange range = angles(context, x, walk);
+        const LogarithmicRange range = angles(context, range_of, walk);
         const double angle = angle_between(x.to_eye(walk.start), y.to_eye(walk.start));
         if (!range.contains(angle)) return 0;
         pdf *= range.pdf_direction(angle);

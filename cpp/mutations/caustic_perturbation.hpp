@@ -21,7 +21,12 @@ struct CausticPerturbation {
     static bool applies(const MutationContext&, const Path& x);
     static bool propose(MutationContext& context, const Path& x, Path& y, Change& change);
     static ScaledDouble density(MutationContext& context, const Path& x, const Path& y,
-                                const Change& change);
+                                const Change& change) {
+        return density(context, x, y, change, x);
+    }
+    // The same with the range of another path than x, whose own is the right one.
+    static ScaledDouble density(MutationContext& context, const Path& x, const Path& y,
+                                const Change& change, const Path& range_of);
 };
 
 }  // namespace usdmlt
