@@ -28,7 +28,8 @@ void Film::develop(float* rgba, double splats_per_pixel, double exposure) const 
             if (!splats_.empty()) value += double(splats_[i * 3 + c]) * splat_scale;
             rgba[i * 4 + c] = static_cast<float>(value * exposure);
         }
-        rgba[i * 4 + 3] = static_cast<float>(double(s[3]) * sample_scale);
+        rgba[i * 4 + 3] =
+            s[4] > 0 ? static_cast<float>(double(s[3]) / (double(s[4]) * alpha_unit)) : 0;
     }
 }
 

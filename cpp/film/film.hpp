@@ -37,7 +37,8 @@ public:
     void add_sample(int x, int y, const double value[4]) {
         const size_t i = index(x, y);
         int64_t* p = &samples_[i * 5];
-        for (int c = 0; c < 4; ++c) add(p[c], value[c] * scale_);
+        for (int c = 0; c < 3; ++c) add(p[c], value[c] * scale_);
+        add(p[3], value[3] * alpha_unit);
         std::atomic_ref<int64_t>(p[4]).fetch_add(1, std::memory_order_relaxed);
         if (has_error()) {
             const double v = 0.2126 * value[0] + 0.7152 * value[1] + 0.0722 * value[2];
@@ -79,6 +80,8 @@ private:
             overflows_.fetch_add(1, std::memory_order_relaxed);
     }
 
+    // Alpha has no unit of light: its fixed point is the same in dark scenes and in bright ones.
+    static constexpr double alpha_unit = 0x1p26;
     // Squares are kept coarser, so that those of bright samples fit.
     static constexpr double square_unit = 0x1p-32;
 

@@ -58,13 +58,16 @@ def sidak(p: np.ndarray) -> float:
     return float(-np.expm1(p.size * np.log1p(-smallest))) if smallest < 1 else 1.0
 
 
-def _p_values(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _p_values(a: np.ndarray, b: np.ndarray, lumpy: bool = False) -> np.ndarray:
     """Two-sided p-values of equal means of a, b (n, …); b of one entry is known exactly.
 
     What does not vary at all has to agree to rounding.
     """
+    larger = np.maximum(a.mean(axis=0), b.mean(axis=0))
     with np.errstate(divide="ignore", invalid="ignore"):
         variances = [x.var(axis=0, ddof=1) / len(x) if len(x) > 1 else 0.0 for x in (a, b)]
+        if lumpy:
+            variances = [np.maximum(v, np.nanmedian(v / larger) * larger) for v in variances]
         variance = variances[0] + variances[1]
         freedom = variance**2 / sum(
             v**2 / (len(x) - 1) for v, x in zip(variances, (a, b), strict=True) if len(x) > 1
@@ -93,16 +96,21 @@ def _relative_error(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.sqrt(variance)[mean > 0] / mean[mean > 0]
 
 
-def agreement(a: np.ndarray, b: np.ndarray, block: int = 4) -> Agreement:
-    """Compare pictures (seeds, h, w, c) with others, or with one exact picture (h, w, c)."""
+def agreement(a: np.ndarray, b: np.ndarray, block: int = 4, lumpy: bool = False) -> Agreement:
+    """Compare pictures (seeds, h, w, c) with others, or with one exact picture (h, w, c).
+
+    ``lumpy``: pictures by chains, whose light comes in lumps of similar size. The variance of a
+    pixel is then in proportion to its mean, and where few lumps fell, too few to show in the
+    spread, that proportion (the median over pixels) stands in for it.
+    """
     b = b[None] if b.ndim == 3 else b
-    p = _p_values(a, b)
+    p = _p_values(a, b, lumpy)
     means = [x.mean(axis=(1, 2, 3)) for x in (a, b)]
     blocks = [blocks_of(x, block) for x in (a, b)]
     reference = abs(float(means[1].mean()))
     return Agreement(
         pixels=sidak(p),
-        blocks=sidak(_p_values(*blocks)),
+        blocks=sidak(_p_values(*blocks, lumpy)),
         mean=float(_p_values(means[0][:, None], means[1][:, None])[0]),
         difference=float(means[0].mean() - means[1].mean()) / reference,
         resolution=float(_relative_error(*(m[:, None] for m in means))[0]),
