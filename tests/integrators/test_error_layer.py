@@ -7,6 +7,8 @@ import pytest
 
 from support import scenes
 from support.rendering import build, plan
+from support.shapes import perspective, quad
+from usdmlt import scene as s
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 MANY = 2**14  # samples, of which the first units are rendered
@@ -53,6 +55,34 @@ def test_four_times_the_work_halves_the_reported_error(integrator: str) -> None:
         render.run(units)
         variances.append(float(np.mean(render.error() ** 2)))
     assert variances[1] / variances[0] == pytest.approx(0.25, rel=0.2)
+
+
+@pytest.mark.parametrize("integrator", ["path", "bdpt", "mlt"])
+def test_what_does_not_vary_has_no_error(integrator: str) -> None:
+    """A wall that glows evenly and reflects nothing, and the dark beside it; pixels on its edge
+    have an error."""
+    glow = s.Material(s.UniformEmission((3.0, 2.0, 1.0)))
+    wall = quad((-1.01, -4, 0), (5, 0, 0), (0, 8, 0))
+    scene = s.Scene(perspective((0, 0, 3), (0, 0, 0), 40), 24, 16, meshes=[wall], materials=[glow])
+    render = plan(scene, integrator, samples=64)
+    render.run(render.units_total)
+    alpha, error = render.image()[..., 3], render.error()
+    dark, covered = alpha == 0, alpha == 1
+    assert dark.sum() > 20
+    assert covered.sum() > 20
+    assert not error[dark].any()
+    # The difference of nearly equal sums of squares, in fixed point.
+    assert error[covered].max() < 2e-3
+    assert (error[~dark & ~covered] > 0.01).all()
+
+
+@pytest.mark.parametrize("integrator", ["path", "bdpt", "mlt"])
+def test_without_it_the_picture_is_the_same(integrator: str) -> None:
+    built = build(scenes.build("caustics"))
+    one, two = (plan(built, integrator, samples=MANY, error_layer=kept) for kept in (True, False))
+    for render in (one, two):
+        render.run(4)
+    assert np.array_equal(one.image(), two.image())
 
 
 @pytest.mark.parametrize("integrator", ["path", "bdpt", "mlt"])
