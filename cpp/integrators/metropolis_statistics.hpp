@@ -52,11 +52,12 @@ public:
         const double variance = std::max(double(b_squares_) / n - mean * mean, 0.0) / (n - 1);
         return std::sqrt(variance) * coarse_unit / scale;
     }
-    // Mean luminance of the image by class of path.
-    std::map<uint64_t, double> energy(double scale) const {
+    // Mean luminance of the image by class of path. Units that found no light count as any other:
+    // they made no step, but they are in the picture's mean.
+    std::map<uint64_t, double> energy(double scale, int64_t mutations_per_unit) const {
         std::map<uint64_t, double> out;
         for (const auto& [key, sum] : energy_)
-            out[key] = double(sum) / scale / double(chains.steps);
+            out[key] = double(sum) / scale / (double(units) * double(mutations_per_unit));
         return out;
     }
 

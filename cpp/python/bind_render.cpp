@@ -92,6 +92,12 @@ py::array_t<float> error(const Render& render) {
     return out;
 }
 
+// Mean luminance by class of path, of the chains.
+std::map<uint64_t, double> class_energy(const Render& render) {
+    return render.metropolis_statistics().energy(render.film().scale(),
+                                                 render.metropolis()->mutations_per_unit());
+}
+
 // Of the chains, by name.
 py::dict metropolis_stats(const Render& render) {
     const MetropolisStatistics& s = render.metropolis_statistics();
@@ -113,7 +119,7 @@ py::dict metropolis_stats(const Render& render) {
             rate(double(c.acceptance) / MutationCounts::unit, double(c.proposed));
         mutations[py::str(std::string(mutation_name(m)))] = row;
     }
-    for (const auto& [key, energy] : s.energy(scale))
+    for (const auto& [key, energy] : class_energy(render))
         classes[py::str(key == 0 ? "other" : class_name(key))] = energy;
     out["mutations"] = s.chains.steps;
     out["mutations_per_second"] = rate(double(s.chains.steps), render.seconds());
@@ -133,8 +139,7 @@ py::dict metropolis_stats(const Render& render) {
 std::vector<double> path_length_energy(const Render& render) {
     std::vector<double> energy = render.statistics().energy(render.film().scale());
     if (render.metropolis())
-        for (const auto& [key, value] :
-             render.metropolis_statistics().energy(render.film().scale()))
+        for (const auto& [key, value] : class_energy(render))
             if (key != 0) energy[size_t(edges_of_class(key))] += value;
     return energy;
 }
@@ -164,6 +169,16 @@ py::dict stats(const Render& render) {
     return out;
 }
 
+// Samples, or mutations, of a unit on average.
+double samples_per_unit(const Render& render) {
+    if (render.metropolis())
+        return render.metropolis()->has_chains() ? double(render.metropolis()->mutations_per_unit())
+                                                 : 0;
+    const Film& film = render.film();
+    return double(film.width()) * film.height() * render.settings().samples /
+           double(render.units_total());
+}
+
 }  // namespace
 
 void bind_render(py::module_& module) {
@@ -186,6 +201,8 @@ void bind_render(py::module_& module) {
              py::arg("error_layer") = true)
         .def_property_readonly("units_total", &Render::units_total)
         .def_property_readonly("units_done", &Render::units_done)
+        .def_property_readonly("samples_per_unit", &samples_per_unit,
+                               "Samples, or mutations of mlt, on average.")
         .def("run", &run, py::arg("last_unit"), py::arg("threads") = 1,
              py::arg("deadline_seconds") = py::none(), py::arg("poll") = py::none(),
              "Renders units [units_done, last_unit) and returns units_done. poll(units_started) is "

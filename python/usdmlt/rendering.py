@@ -161,9 +161,10 @@ class Rendering:
         return self.scene.width * self.scene.height
 
     def _progress(self, units_done: int, seconds: float) -> Progress:
-        samples_per_unit = self._pixels * self.settings.resolved_samples / self.units_total
         samples_are = "mutations" if self.integrator == "mlt" else "samples"
-        return Progress(units_done, self.units_total, samples_per_unit, seconds, samples_are)
+        return Progress(
+            units_done, self.units_total, self._render.samples_per_unit, seconds, samples_are
+        )
 
 
 def resolve_integrator(settings: Settings) -> ResolvedIntegrator:
