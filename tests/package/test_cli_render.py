@@ -174,17 +174,20 @@ def test_a_time_limit_ends_the_render(usdmlt_command: Run, stage: Path, tmp_path
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "status", "integrator"),
+    [(signal.SIGINT, 130, "path"), (signal.SIGTERM, 143, "path"), (signal.SIGINT, 130, "mlt")],
+)
 def test_a_signal_keeps_the_work_so_far(
-    stage: Path, tmp_path: Path, number: signal.Signals, status: int
+    stage: Path, tmp_path: Path, number: signal.Signals, status: int, integrator: str
 ) -> None:
     command = [sys.executable, "-m", "usdmlt", "render", str(stage), "a.exr"]
-    flags = ["-w", "64", "--samples", str(2**20), "--stats", "a.json"]
+    flags = ["-w", "64", "--integrator", integrator, "--samples", str(2**20), "--stats", "a.json"]
     process = subprocess.Popen(
         command + flags, cwd=tmp_path, stderr=subprocess.PIPE, text=True, bufsize=1
     )
     assert process.stderr is not None
-    assert "samples per pixel" in process.stderr.readline()  # said when rendering starts
+    assert "s per pixel" in process.stderr.readline()  # said when rendering starts
     time.sleep(0.5)
     process.send_signal(number)
     said = process.communicate(timeout=20)[1]

@@ -140,6 +140,26 @@ def test_a_lit_scene_is_not_called_black(caplog: pytest.LogCaptureFixture) -> No
         assert not any("black" in warning for warning in warnings)
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_values_that_are_not_finite_are_left_out_and_counted(
+    caplog: pytest.LogCaptureFixture, integrator: str, value: float
+) -> None:
+    """One texel of a dome: every pixel stays finite, and the rest of the light is there."""
+    scene = scenes.build("diffuse_box")
+    pixels = np.ones((4, 4, 3), np.float32)
+    pixels[1, 1] = value
+    scene.textures = [s.Texture(pixels)]
+    scene.lights = [s.DomeLight((1, 1, 1), 0)]
+    image, warnings = warnings_of(caplog, scene, integrator=integrator, samples=32)
+    assert np.isfinite(image["color"]).all()
+    assert np.isfinite(image["error"]).all()
+    assert image["color"].mean() > 0.2
+    count = image.stats["non_finite"]
+    assert count > 0
+    assert warnings == [f"{count} contributions were not finite and were left out"]
+
+
 @pytest.mark.parametrize("depth", [1, 2])
 @pytest.mark.parametrize("direct", ["separate", "mlt"])
 def test_mlt_renders_depths_that_leave_it_no_chains(depth: int, direct: str) -> None:
