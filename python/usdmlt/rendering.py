@@ -132,6 +132,10 @@ class Rendering:
     def stats(self) -> dict[str, Any]:
         """What the core measured, and the settings as they were resolved: JSON has them all.
 
+        ``samples`` are those of the camera; ``samples_per_pixel`` is what was spent of the budget:
+        of ``"mlt"``, mutations. ``unreachable`` names lights and materials between which no
+        integrator finds a path.
+
         Of ``"mlt"`` too: ``mutations`` and their rates; ``b``, the integral that scales the
         picture, and ``b_error``, its standard error; ``mutation``, by name: the weight with which
         it was tried, how often it was applicable, proposed, made a path and was accepted, and the
