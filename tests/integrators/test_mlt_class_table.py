@@ -83,7 +83,7 @@ def test_classes_have_the_energy_of_bidirectional_samples(name: str) -> None:
     chains = [of_chains(built, seed, 192) for seed in range(16)]
     other = [
         {c: e for c, e in t.items() if len(c) > 3}
-        for t in reference(name, 16, 60_000, bidirectional=True)
+        for t in reference(name, 16, 40_000, bidirectional=True)
     ]
     rows = compare(chains, other, resolution=0.04)
     assert len(rows) > 4

@@ -21,7 +21,7 @@ def test_b_is_off_by_the_error_that_it_reports(name: str, direct: bool) -> None:
     at the significance 10⁻³. Sees an error that is off by 40 %, and a bias of half an error."""
     built = build(scenes.build(name))
     least = 3 if direct else 1
-    other = pictures(built, "bdpt", range(500, 516), samples=256, depth=5, min_edges=least)
+    other = pictures(built, "bdpt", range(500, 516), samples=128, depth=5, min_edges=least)
     truth = (other.mean(axis=(1, 2)) @ WEIGHTS).mean()
     z = []
     for seed in range(SEEDS):

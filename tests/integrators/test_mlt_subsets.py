@@ -46,12 +46,12 @@ def built(name: str):
 
 
 @cache
-def reference(name: str, seeds: int = 16, samples: int = 96) -> np.ndarray:
+def reference(name: str, seeds: int = 16, samples: int = 64) -> np.ndarray:
     return pictures(built(name), "bdpt", range(1000, 1000 + seeds), samples=samples, depth=DEPTH)
 
 
 def chains(
-    name: str, mutations: set[str], seeds: int = 16, samples: int = 256, **settings: object
+    name: str, mutations: set[str], seeds: int = 16, samples: int = 192, **settings: object
 ) -> np.ndarray:
     weights = dict.fromkeys(mutations, 1.0)
     return pictures(
