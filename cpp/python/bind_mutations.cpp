@@ -71,6 +71,16 @@ void describe(const PathState& state, const std::string& suffix, Table& table) {
     table.set("light_edge" + suffix, light);
 }
 
+void describe_vertices(const Path& path, Table& table) {
+    for (int v = 0; v < 3; ++v)
+        for (int axis = 0; axis < 3; ++axis) {
+            const Vec3f p = v <= path.edges() ? path[v].position : Vec3f{};
+            table.set("vertex" + std::to_string(v) + "xyz"[axis], axis == 0   ? p.x
+                                                                  : axis == 1 ? p.y
+                                                                              : p.z);
+        }
+}
+
 double log_of(const ScaledDouble& t) {
     return t.is_positive() ? t.log() : -std::numeric_limits<double>::infinity();
 }
@@ -116,6 +126,8 @@ struct WatchedTarget {
         table.set("log_recorded", log_of(recorded));
         const int split = change.join > 0 ? change.join - change.l - 1 : 0;
         table.set("log_term", log_of(term(context, m, x.path, y.path, change, split)));
+        table.set("log_by_definition",
+                  log_of(density_by_definition(context, m, x.path, y.path, change)));
         table.set("terms", count_terms(context, m, x.path, y.path, change));
         table.set("selected", selection.probability(m, mask_before));
         table.set("selected_back", selection.probability(m, mask_after));
@@ -147,7 +159,7 @@ py::dict step_probe(const Scene& scene, const Weights& mutation_weights, int rou
     const MetropolisPlan plan(scene, settings);
     MetropolisScratch scratch(scene, plan);
     Table table;
-    UnitStatistics statistics(depth);
+    UnitStatistics& statistics = scratch.statistics.bootstrap;
     const size_t vertices = scratch.context.arena.available();
     double total_steps = 0;
     for (int round = 0; round < rounds; ++round) {
@@ -195,7 +207,7 @@ py::dict proposal_probe(const Scene& scene, const std::string& mutation,
     const MetropolisPlan plan(scene, settings);
     MetropolisScratch scratch(scene, plan);
     MutationContext& context = scratch.context;
-    UnitStatistics statistics(depth);
+    UnitStatistics& statistics = scratch.statistics.bootstrap;
     scratch.bootstrap.draw(hash_key(seed, 1), 4096, statistics);
     int m = 0;
     while (mutation_name(m) != mutation) ++m;
@@ -229,15 +241,18 @@ py::dict proposal_probe(const Scene& scene, const std::string& mutation,
         if (!success) continue;
         describe(y, "", made);
         made.set("log_density", log_of(healthy_density(context, m, x, y.path, change)));
-        for (int v = 0; v < 4; ++v)
-            for (int axis = 0; axis < 3; ++axis)
-                made.set("vertex" + std::to_string(v) + "xyz"[axis],
-                         v <= y.path.edges() ? double((&y.path[v].position.x)[axis]) : 0.0);
+        describe_vertices(y.path, made);
+        made.set("l", change.l);
+        made.set("m", change.m);
+        made.set("m_y", change.m_y);
         scratch.target.reject(y);
     }
     py::dict out;
     Table start;
     describe(scratch.x, "", start);
+    describe_vertices(x, start);
+    start.set("smallest_move", context.raster_range.min);
+    start.set("largest_move", context.raster_range.max);
     out["start"] = start.to_python();
     out["choices"] = choices.to_python();
     out["made"] = made.to_python();

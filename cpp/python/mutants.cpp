@@ -253,6 +253,29 @@ int count_terms(MutationContext& context, int m, const Path& x, const Path& y,
     return count;
 }
 
+ScaledDouble density_by_definition(MutationContext& context, int m, const Path& x, const Path& y,
+                                   const Change& change) {
+    if (!joins(m)) return healthy_density(context, m, x, y, change);
+    const int k = y.edges(), l = change.l, n = change.m_y - l - 1;
+    const Bidirectional::Choice c = Bidirectional::choice(context, x.edges(), change);
+    ScaledDouble sum = 0;
+    for (int j = 0; j <= n; ++j) {
+        const int s = l + 1 + j;  // vertices on the light's side of the join
+        if (!has_strategy(y, s)) continue;
+        ScaledDouble p = is(m, NewPath::name) ? context.strategies.probability(k, j)
+                         : j < c.splits       ? c.deletion * c.addition / c.splits
+                                              : 0;
+        for (int i = l + 1; i < s; ++i)
+            p *= i == 0 && s == 1 ? pdf_direct(context.scene.lights, y[0].light, y[1].position)
+                                  : density_from_light_side(context.scene, y, i);
+        for (int i = s; i < change.m_y; ++i)
+            p *= density_from_eye_side(context.scene, y, i) *
+                 (i == k - 1 ? context.domain.density_scale() : 1);
+        sum += p;
+    }
+    return sum;
+}
+
 std::span<const Mutant> mutants() {
     static constexpr Mutant all[] = {
         {"end_cosine", end_cosine},

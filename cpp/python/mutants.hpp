@@ -28,4 +28,8 @@ int count_terms(MutationContext& context, int m, const Path& x, const Path& y,
 ScaledDouble term(MutationContext& context, int m, const Path& x, const Path& y,
                   const Change& change, int j);
 
+// Their sum, every split's density vertex by vertex.
+ScaledDouble density_by_definition(MutationContext& context, int m, const Path& x, const Path& y,
+                                   const Change& change);
+
 }  // namespace usdmlt

@@ -182,6 +182,38 @@ def veils() -> s.Scene:
     )  # fmt: skip
 
 
+@class_scene
+def near_lamps() -> s.Scene:
+    """Large lamps close to a floor, sampled by the solid angle they fill: points of one lamp are
+    found with very different densities from different places."""
+    return picture_of(
+        perspective((0, 1.6, 4), (0, 0.2, 0), 44),
+        meshes=[floor(0, 2.5), box((-0.4, 0, -0.6), (0.4, 0.5, 0), 1)],
+        materials=[WHITE, GREY],
+        lights=[
+            s.SphereLight((3, 3, 3), 0.7, translate(-1.4, 0.85, 0.3)),
+            s.RectLight((3, 3, 2), 1.6, 1.6, facing((1.5, 0.5, 0.2), (0.6, 0.2, 0))),
+        ],
+    )
+
+
+@class_scene
+def mirrored_light() -> s.Scene:
+    """L D S D E: a lamp lights a panel, and only a mirror shows that to the floor, which falls away
+    from it; the chain from the floor ends on the panel and is connected to the lamp."""
+    return picture_of(
+        perspective((0, 0.9, 3.8), (0, -0.3, 0), 46),
+        meshes=[
+            quad((-2.2, 0.2, 1.6), (4.4, -1.6, 0), (0, 0, -3.2), 0),
+            quad((-2.3, 1.0, 1.0), (1.5, 0, 0), (0, 0, -2.0), 1),
+            quad((-2.4, 2.3, -1.4), (4.0, 0.5, 0), (0, 0, 2.8), 2),
+        ],
+        materials=[WHITE, s.Material(s.Diffuse((0.8, 0.7, 0.6))), MIRROR],
+        lights=[s.RectLight((40, 40, 40), 0.3, 0.3,
+                            facing((-1.6, 1.5, 0.2), (-1.6, 1.0, 0.1), (0, 0, 1)))],
+    )  # fmt: skip
+
+
 def build_scene(name: str):
     return build((CLASS_SCENES | SCENES)[name]())
 
@@ -217,9 +249,11 @@ def of_mutation(rows: Mapping, name: str) -> dict:
 def acceptance(rows: Mapping, mutant: str | None = None) -> np.ndarray:
     """a(x→y) by its formula, with T as it is, or as the mutant has it.
 
-    ``"selection"``: P(m|x) and P(m|y) are left out.
+    ``"selection"``: P(m|x) and P(m|y) are left out. ``"symmetric"``: T is.
     """
-    if mutant in (None, "selection"):
+    if mutant == "symmetric":
+        forward = back = np.zeros(rows["log_forward"].shape)
+    elif mutant in (None, "selection"):
         forward, back = rows["log_forward"], rows["log_back"]
     else:
         forward, back = rows[mutant], rows[mutant + "_back"]

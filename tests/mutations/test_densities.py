@@ -1,0 +1,245 @@
+"""Transition densities against what proposals do.
+
+Recorded: a proposal multiplies the densities of its own random choices, and the density recomputed
+from the pair (x, y) alone has to be the same number. Where several splits could have made y, what
+was recorded is one term of a sum.
+
+Counted: proposals from one x. Choices that are discrete have known frequencies, radii and angles
+known laws; and whatever the mutation,
+
+    E[1/T(x→y) · 1(y ∈ B)] = measure of B
+
+for parts B of path space that the mutation reaches, here areas of a floor: it sees an error that
+both ways of computing T share. It does not see factors of classes that the scenes below lack.
+
+Significance of the statistical tests: 1e-4 each; seeds are fixed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from support.mutations import CLASS_SCENES, MUTATIONS, of_mutation, steps
+from support.rendering import build
+from support.scenes import GREY, HEIGHT, SCENES, WIDTH, picture_of
+from support.shapes import facing, floor, orthographic, perspective
+from support.statistics import sidak
+from usdmlt import _core
+from usdmlt import scene as s
+
+SIGNIFICANCE = 1e-4
+ALL = dict.fromkeys(MUTATIONS, 1.0)
+JOINING = ("new_path", "bidirectional")
+
+# Rounding of float vertices: grazing cosines and short edges lose digits.
+TOLERANCE = 2e-3
+
+
+def disagreement(rows: dict, column: str, against: str = "log_recorded") -> np.ndarray:
+    """|log ratio| of two densities of the proposals that were made."""
+    with np.errstate(invalid="ignore"):
+        return np.nan_to_num(np.abs(rows[column] - rows[against]), nan=np.inf)
+
+
+def require_recorded_is_recomputed(name: str, samples: int, **settings: object) -> None:
+    rows = steps(name, ALL, rounds=1, samples=samples, starts=samples, **settings)
+    for mutation in MUTATIONS:
+        of = of_mutation(rows, mutation)
+        if mutation == "multi_chain":
+            # Directions in float resolve angles of 1e-4 radians to about a thousandth, and T goes
+            # with the square. The same angle enters both ways, so that it cancels in a(x→y).
+            wrong = disagreement(of, "log_forward")
+            assert (wrong > 0.02).sum() <= 0.2 * wrong.size + 5
+            assert (wrong > 0.5).sum() <= 2e-3 * wrong.size + 2
+            continue
+        wrong = disagreement(of, "log_term") > TOLERANCE
+        assert wrong.sum() <= 2e-3 * wrong.size + 2, (mutation, wrong.mean())
+        wrong = disagreement(of, "log_by_definition", "log_forward") > 1e-9
+        assert not wrong.any(), mutation
+        alone = of["terms"] == 1
+        wrong = disagreement(of, "log_forward")[alone] > TOLERANCE
+        assert wrong.sum() <= 2e-3 * wrong.size + 2, (mutation, wrong.mean())
+        assert (of["log_forward"] >= of["log_term"] - 1e-9).all()
+
+
+@pytest.mark.parametrize("name", CLASS_SCENES | SCENES)
+def test_the_recorded_density_is_the_recomputed_one(name: str) -> None:
+    require_recorded_is_recomputed(name, 2500)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CLASS_SCENES | SCENES)
+def test_it_is_for_many_proposals(name: str) -> None:
+    require_recorded_is_recomputed(name, 60000, steps=2, min_edges=2, depth=9, seed=3)
+
+
+# ---- Proposals from one path ------------------------------------------------------------------
+
+LAMP = s.RectLight((9, 9, 9), 0.8, 0.6, facing((2.7, 3, 0.3), (0.3, 0, 0)))
+SUN = s.DistantLight((3, 3, 3), 0.0, facing((0, 0, 0), (-0.8, -1.5, 0.2)))
+DOWN = {"up": (0, 0, -1)}
+CAMERAS = {
+    "perspective": perspective((0, 4, 0), (0, 0, 0), 40, **DOWN),
+    "orthographic": orthographic((0, 4, 0), (0, 0, 0), 2.9, **DOWN),
+}
+
+
+def overhead(camera: str, light: object = LAMP) -> object:
+    """A camera that looks straight down on a floor, all of which the light reaches."""
+    return build(
+        picture_of(CAMERAS[camera], meshes=[floor(0, 8.0)], materials=[GREY], lights=[light])
+    )
+
+
+def proposals(scene: object, mutation: str, count: int, path_class: str = "LDE") -> dict:
+    return _core.proposal_probe(
+        scene, mutation, path_class, (WIDTH / 2, HEIGHT / 2), count=count, depth=3
+    )
+
+
+def position(table: dict, vertex: int) -> np.ndarray:
+    return np.stack([table[f"vertex{vertex}{axis}"] for axis in "xyz"], axis=-1)
+
+
+def pixel_area(camera: str) -> float:
+    """Area of the floor that a pixel covers."""
+    height = 2.9 if camera == "orthographic" else 2 * 4 * math.tan(math.radians(20))
+    return (height / HEIGHT) ** 2
+
+
+def require_measure(made: dict, chosen: np.ndarray, count: int, size: float, origin: np.ndarray,
+                    radius: float, measure: float) -> None:  # fmt: skip
+    """E[1/T; y in a square cell] = measure per pixel² · size², for the cells that lie between
+    radius and a third of a pixel of the origin."""
+    x, y = (made[f"raster_{axis}"] - origin[i] for i, axis in enumerate("xy"))
+    inverse = np.where(chosen, np.exp(-made["log_density"]), 0)
+    n = math.ceil(radius / size)
+    p = []
+    for i in range(-n, n):
+        for j in range(-n, n):
+            corners = [(size * (i + a), size * (j + b)) for a in (0, 1) for b in (0, 1)]
+            far = max(math.hypot(*c) for c in corners)
+            if far > radius or min(math.hypot(*c) for c in corners) < 0.3:
+                continue
+            inside = (np.floor(x / size) == i) & (np.floor(y / size) == j)
+            values = inverse[inside]
+            if inside.sum() < 50:
+                continue
+            mean = values.sum() / count
+            error = math.sqrt((values**2).sum() / count - mean**2) / math.sqrt(count)
+            p.append(2 * stats.norm.sf(abs(mean - measure * size**2) / error))
+    assert len(p) >= 4
+    assert sidak(np.array(p)) >= SIGNIFICANCE, p
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+@pytest.mark.parametrize("mutation", ["lens", "lens_subpath", "caustic", "bidirectional"])
+def test_the_reciprocal_density_integrates_to_the_floors_area(mutation: str, camera: str) -> None:
+    count = 400000 if mutation == "bidirectional" else 60000
+    out = proposals(overhead(camera), mutation, count)
+    made, start = out["made"], out["start"]
+    only_x1 = (made["l"] == 0) & (made["m"] == 2) & (made["m_y"] == 2) & (made["edges"] == 2)
+    if mutation != "bidirectional":
+        assert only_x1.all()
+    origin = np.array([start["raster_x"][0], start["raster_y"][0]])
+    wide = mutation in ("lens_subpath", "bidirectional")
+    radius = 7.0 if wide else 0.6 * start["largest_move"][0]
+    require_measure(made, only_x1, count, 2.0 if wide else 0.5, origin, radius, pixel_area(camera))
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_so_it_does_under_a_sun_without_extent(camera: str) -> None:
+    out = proposals(overhead(camera, SUN), "caustic", 60000)
+    start = out["start"]
+    origin = np.array([start["raster_x"][0], start["raster_y"][0]])
+    radius = 0.6 * start["largest_move"][0]
+    made = out["made"]
+    require_measure(
+        made, np.ones(made["l"].size, bool), 60000, 0.5, origin, radius, pixel_area(camera)
+    )
+
+
+@pytest.mark.parametrize("mutation", JOINING)
+def test_light_points_bring_their_area(mutation: str) -> None:
+    """x_0 and x_1 are both new: the measure is that of the lamp times that of the floor."""
+    count = 600000
+    out = proposals(overhead("perspective"), mutation, count)
+    made = out["made"]
+    chosen = (made["l"] == -1) & (made["m_y"] == made["m"]) & (made["edges"] == 2)
+    if mutation == "bidirectional":
+        chosen &= made["m"] == 2
+    else:
+        chosen = made["edges"] == 2
+    require_measure(made, chosen, count, 2.5, np.array([12.0, 8.0]), 7.6,
+                    pixel_area("perspective") * 0.8 * 0.6)  # fmt: skip
+
+
+def uniform(values: np.ndarray) -> float:
+    assert values.min() >= -1e-3 and values.max() <= 1 + 1e-3
+    return stats.kstest(values, "uniform").pvalue
+
+
+def test_image_moves_are_log_uniform_in_all_directions() -> None:
+    out = proposals(overhead("perspective"), "lens", 20000)
+    made, start = out["made"], out["start"]
+    assert out["choices"]["made"].all()
+    x, y = (made[f"raster_{axis}"] - start[f"raster_{axis}"][0] for axis in "xy")
+    lower, upper = start["smallest_move"][0], start["largest_move"][0]
+    assert math.pi * upper**2 == pytest.approx(0.05 * WIDTH * HEIGHT)
+    assert uniform(np.log(np.hypot(x, y) / lower) / math.log(upper / lower)) >= SIGNIFICANCE
+    assert uniform(np.arctan2(y, x) / (2 * math.pi) + 0.5) >= SIGNIFICANCE
+
+
+def test_caustic_angles_are_log_uniform_in_the_range_of_the_path() -> None:
+    """θ = r · pixel angle · |x_1 x_2| / |x_0 x_1|."""
+    out = proposals(overhead("perspective"), "caustic", 20000)
+    made, start = out["made"], out["start"]
+    x0, x1, x2 = (position(start, v)[0] for v in range(3))
+    before, after = x1 - x0, position(made, 1) - x0
+    angle = np.arctan2(np.linalg.norm(np.cross(after, before), axis=1), after @ before)
+    pixel = 2 * math.tan(math.radians(20)) / HEIGHT
+    scale = pixel * np.linalg.norm(x2 - x1) / np.linalg.norm(before)
+    lower, upper = start["smallest_move"][0] * scale, start["largest_move"][0] * scale
+    assert uniform(np.log(angle / lower) / math.log(upper / lower)) >= SIGNIFICANCE
+
+
+# ---- Choices of the bidirectional mutation ----------------------------------------------------
+
+
+@pytest.mark.parametrize("min_edges", [1, 3])
+@pytest.mark.parametrize("edges", range(3, 7))
+def test_choices_are_complete(edges: int, min_edges: int) -> None:
+    """Probabilities of (l, m, k_a) sum to 1, and every length from min_edges to the depth can be
+    reached, and no other. From the longest paths, one deleted edge leaves nothing to be drawn."""
+    depth = 6
+    choices = _core.bidirectional_choices(overhead("perspective"), edges, depth, min_edges)
+    nothing = 0.25 / (1 - 2.0 ** -(edges + 2)) if edges == depth else 0
+    assert sum(p for *_, p in choices) == pytest.approx(1 - nothing)
+    lengths = {edges - (m - first) + added for first, m, added, _ in choices}
+    assert lengths == set(range(min_edges, 7))
+    assert not any(m - first == 1 == added for first, m, added, _ in choices), "the null change"
+
+
+@pytest.mark.parametrize("path_class", ["LDE", "LE"])
+def test_choices_have_the_frequencies_that_the_density_has(path_class: str) -> None:
+    count = 200000
+    light = s.SphereLight((1, 1, 1), 0.3, facing((0.5, 1.5, 0.2), (0, 0, 0)))
+    scene = overhead("perspective", light)
+    drawn = proposals(scene, "bidirectional", count, path_class)["choices"]
+    table = {
+        tuple(change): p
+        for *change, p in _core.bidirectional_choices(scene, len(path_class) - 1, 3)
+    }
+    keys, observed = np.unique(
+        np.stack([drawn["l"], drawn["m"], drawn["m_y"] - drawn["l"]], axis=1).astype(int),
+        axis=0, return_counts=True,
+    )  # fmt: skip
+    counts = {tuple(k): n for k, n in zip(keys.tolist(), observed, strict=True)}
+    assert set(counts) <= set(table)
+    expected = np.array([p * count for p in table.values()])
+    result = stats.chisquare([counts.get(k, 0) for k in table], expected)
+    assert result.pvalue >= SIGNIFICANCE
