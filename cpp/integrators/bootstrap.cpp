@@ -21,7 +21,8 @@ uint64_t sort_key(const StrategySample& sample, const RasterDomain& domain, Vec2
     uint64_t bits = 0;
     for (int i = 1; i < sample.t - 1; ++i)
         bits = bits << 1 | (sample.camera[i].component != non_delta);
-    if (sample.t > 1) bits <<= 1;
+    // The joined vertices, where they are not an end of the path.
+    if (sample.t > 1 && sample.s > 0) bits <<= 1;
     if (sample.s > 1) bits <<= 1;
     for (int i = sample.s - 2; i > 0; --i)
         bits = bits << 1 | (sample.light[i].component != non_delta);

@@ -3,46 +3,74 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
 #include <vector>
 
 #include "mutations/context.hpp"
 
 namespace usdmlt {
 
+// Brightness by cell of a grid over the raster domain.
+class CoarsePicture {
+public:
+    explicit CoarsePicture(const RasterDomain& domain)
+        : lower_(domain.lower),
+          scale_{cells / (domain.upper.x - domain.lower.x),
+                 cells / (domain.upper.y - domain.lower.y)},
+          sums_(size_t(cells) * cells) {}
+
+    static constexpr int cells = 32;
+    size_t cell(Vec2f raster) const {
+        const auto index = [](float x) { return std::clamp(static_cast<int>(x), 0, cells - 1); };
+        return size_t(index((raster.y - lower_.y) * scale_.y)) * cells +
+               size_t(index((raster.x - lower_.x) * scale_.x));
+    }
+    void add(Vec2f raster, double value) { sums_[cell(raster)] += value; }
+    const std::vector<double>& sums() const { return sums_; }
+
+private:
+    Vec2f lower_, scale_;
+    std::vector<double> sums_;
+};
+
 class ImportanceMap {
 public:
     // Everywhere 1.
     ImportanceMap() = default;
 
-    // From brightness per cell (columns × rows over the domain), in any unit. Cells darker than a
-    // fraction of the mean count as that, so that w is bounded and no pixel is lost.
-    ImportanceMap(const RasterDomain& domain, int columns, int rows, std::vector<double> brightness)
-        : columns_(columns), rows_(rows), domain_lower_(domain.lower) {
-        constexpr double darkest = 0.05, smooth = 0.1;
-        scale_ = {float(columns) / (domain.upper.x - domain.lower.x),
-                  float(rows) / (domain.upper.y - domain.lower.y)};
+    // Errors are judged by var / (R² + ε), R relative to the mean: then w = 1 / √(R² + ε) is best
+    // for samples that are independent. R is smoothed, as it is noisy itself; w is bounded, so that
+    // no pixel is lost.
+    explicit ImportanceMap(const CoarsePicture& picture) : picture_(picture) {
+        constexpr int n = CoarsePicture::cells;
+        const std::vector<double>& sums = picture.sums();
         double mean = 0;
-        for (const double b : brightness) mean += b / double(brightness.size());
-        if (!(mean > 0)) {
-            columns_ = rows_ = 0;
-            return;
-        }
-        for (double& b : brightness) b = 1 / (std::max(b / mean, darkest) + smooth);
-        weight_ = std::move(brightness);
+        for (const double s : sums) mean += s / double(sums.size());
+        if (!(mean > 0)) return;
+        weight_.resize(sums.size());
+        for (int y = 0; y < n; ++y)
+            for (int x = 0; x < n; ++x) {
+                double sum = 0, total = 0;
+                for (int dy = -1; dy <= 1; ++dy)
+                    for (int dx = -1; dx <= 1; ++dx) {
+                        const int i = std::clamp(x + dx, 0, n - 1), j = std::clamp(y + dy, 0, n - 1);
+                        const double g = (dx == 0 ? 2 : 1) * (dy == 0 ? 2 : 1);
+                        sum += g * sums[size_t(j) * n + size_t(i)];
+                        total += g;
+                    }
+                const double r = sum / (total * mean);
+                weight_[size_t(y) * n + size_t(x)] = 1 / std::sqrt(r * r + 0.01);
+            }
     }
 
     double weight(Vec2f raster) const {
-        if (weight_.empty()) return 1;
-        const int x = static_cast<int>((raster.x - domain_lower_.x) * scale_.x);
-        const int y = static_cast<int>((raster.y - domain_lower_.y) * scale_.y);
-        return weight_[size_t(std::clamp(y, 0, rows_ - 1)) * size_t(columns_) +
-                       size_t(std::clamp(x, 0, columns_ - 1))];
+        return weight_.empty() ? 1 : weight_[picture_->cell(raster)];
     }
     bool active() const { return !weight_.empty(); }
 
 private:
-    int columns_ = 0, rows_ = 0;
-    Vec2f domain_lower_, scale_;
+    std::optional<CoarsePicture> picture_;
     std::vector<double> weight_;
 };
 

@@ -13,7 +13,8 @@ constexpr double direct_samples_per_mutation = 1.0 / 8;
 
 constexpr double bootstrap_share = 0.25;  // of the rays of bootstrap and chains
 constexpr uint32_t pilot_samples = 4096;
-constexpr int pilot_chains = 32, pilot_steps = 64;
+constexpr int pilot_steps = 256, trial_steps = 32;  // of as many chains as a unit has
+constexpr double photons_per_pixel = 2, least_photons = 0x1p12, most_photons = 0x1p17;
 constexpr double uniform_strategies = 0.1;
 
 // By mutation: new path, bidirectional, lens, caustic, multi-chain, lens subpath.
@@ -23,20 +24,18 @@ uint64_t unit_key(const Settings& settings, uint64_t purpose, uint64_t index) {
     return hash_key(hash_key(settings.seed, 0x6d6c74 + purpose), index);
 }
 
-uint64_t rays_of(const UnitStatistics& statistics) {
-    return statistics.rays.closest + statistics.rays.shadow;
-}
+uint64_t rays_of(const RayCounters& rays) { return rays.closest + rays.shadow; }
 
 // Chains from the starts of a bootstrap, `steps` each.
-void run_chains(MetropolisScratch& scratch, int chains, int steps, uint64_t key,
-                UnitStatistics& bootstrap_statistics) {
+void run_chains(MetropolisScratch& scratch, int chains, int steps, uint64_t key) {
     MutationContext& context = scratch.context;
     RandomStream offset(hash_key(key, 1));
     scratch.bootstrap.choose_starts(chains, offset.next_double(), scratch.starts);
     context.unit_key = hash_key(key, 2);
     for (int c = 0; c < chains; ++c) {
         const BootstrapEntry& start = scratch.bootstrap.entries()[scratch.starts[size_t(c)]];
-        if (!scratch.bootstrap.restore(start, scratch.target, scratch.x, bootstrap_statistics))
+        if (!scratch.bootstrap.restore(start, scratch.target, scratch.x,
+                                       scratch.statistics.bootstrap))
             continue;
         context.random = RandomStream(hash_key(hash_key(key, 3), uint64_t(c)));
         context.chain = static_cast<uint32_t>(c);
@@ -70,23 +69,13 @@ StrategyTable strategy_table(const Settings& paths, const std::vector<BootstrapE
     return StrategyTable(weights);
 }
 
-ImportanceMap importance_map(const RasterDomain& domain,
-                             const std::vector<BootstrapEntry>& entries) {
-    constexpr int cells = 16;
-    std::vector<double> brightness(cells * cells, 0.0);
-    const auto gather = [](uint32_t x) {
-        x &= 0x55555555u;
-        x = (x | x >> 1) & 0x33333333u;
-        x = (x | x >> 2) & 0x0f0f0f0fu;
-        x = (x | x >> 4) & 0x00ff00ffu;
-        return (x | x >> 8) & 0xffffu;
-    };
-    for (const BootstrapEntry& e : entries) {
-        const auto place = static_cast<uint32_t>(e.key);
-        const uint32_t x = gather(place) * cells >> 16, y = gather(place >> 1) * cells >> 16;
-        brightness[y * cells + x] += e.weight;
-    }
-    return ImportanceMap(domain, cells, cells, std::move(brightness));
+std::shared_ptr<const Guide> make_guide(const Scene& scene, const Settings& settings) {
+    const double pixels = double(scene.camera.width) * scene.camera.height;
+    const int subpaths =
+        static_cast<int>(std::clamp(photons_per_pixel * pixels, least_photons, most_photons));
+    auto guide =
+        std::make_shared<Guide>(trace_photons(scene, unit_key(settings, 1, 0), subpaths));
+    return guide->empty() ? nullptr : guide;
 }
 
 }  // namespace
@@ -116,31 +105,36 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
                                                  double(tiles.count()) / pixels)));
     if (!has_chains()) return;
 
-    // The pilot. Its first half makes the importance map, which what follows is weighted by.
+    guide = make_guide(scene, settings);
     bootstrap_samples = pilot_samples;
     strategies = strategy_table(paths, {});
-    UnitStatistics statistics(paths.depth);
     if (settings.two_stage) {
-        MetropolisScratch first(scene, *this);
-        if (first.bootstrap.draw(unit_key(settings, 1, 0), pilot_samples, statistics) > 0)
-            importance = importance_map(domain, first.bootstrap.entries());
-        statistics.reset();
+        // The first stage: a coarse picture by chains of the plain target.
+        MetropolisScratch scratch(scene, *this);
+        CoarsePicture picture(domain);
+        scratch.target.recorder.picture = &picture;
+        if (scratch.bootstrap.draw(unit_key(settings, 1, 1), pilot_samples,
+                                   scratch.statistics.bootstrap) > 0)
+            run_chains(scratch, chains, pilot_steps, unit_key(settings, 1, 2));
+        importance = ImportanceMap(picture);
     }
+
+    // What a unit costs, and which strategies find the light.
     MetropolisScratch scratch(scene, *this);
-    pilot_b = scratch.bootstrap.draw(unit_key(settings, 1, 1), pilot_samples, statistics);
+    pilot_b = scratch.bootstrap.draw(unit_key(settings, 1, 3), pilot_samples,
+                                     scratch.statistics.bootstrap);
     if (!(pilot_b > 0)) return;
     strategies = strategy_table(paths, scratch.bootstrap.entries());
     scratch.context.strategies = strategies;
-    const double rays_per_sample = double(rays_of(statistics)) / pilot_samples;
-    UnitStatistics starts(paths.depth);
-    run_chains(scratch, pilot_chains, pilot_steps, unit_key(settings, 1, 2), starts);
-    const RayCounters& rays = scratch.context.rays;
+    const double rays_per_sample = double(rays_of(scratch.statistics.bootstrap.rays)) /
+                                   pilot_samples;
+    run_chains(scratch, chains, trial_steps, unit_key(settings, 1, 4));
     const double rays_per_mutation =
-        double(rays.closest + rays.shadow) / (pilot_chains * pilot_steps);
+        double(rays_of(scratch.context.rays)) / (double(chains) * trial_steps);
     const double count = bootstrap_share / (1 - bootstrap_share) * double(mutations_per_unit()) *
                          rays_per_mutation / rays_per_sample;
-    bootstrap_samples =
-        static_cast<uint32_t>(std::clamp(count, double(chains), double(mutations_per_unit())));
+    bootstrap_samples = static_cast<uint32_t>(
+        std::clamp(count, double(chains), double(mutations_per_unit())));
 }
 
 MetropolisScratch::MetropolisScratch(const Scene& scene, const MetropolisPlan& plan)
@@ -150,6 +144,7 @@ MetropolisScratch::MetropolisScratch(const Scene& scene, const MetropolisPlan& p
       selection(plan.mutation_weights),
       statistics(plan.paths.depth) {
     context.strategies = plan.strategies;
+    context.rays.guide = statistics.bootstrap.rays.guide = plan.guide.get();
     for (PathState* state : {&x, &y}) state->path.vertices.reserve(size_t(plan.paths.depth) + 2);
     uint32_t enabled = 0;
     for (size_t m = 0; m < plan.mutation_weights.size(); ++m)
@@ -174,9 +169,9 @@ void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, cons
     counts.bootstrap_samples = plan.bootstrap_samples;
     counts.b = scratch.bootstrap.draw(hash_key(key, 0), plan.bootstrap_samples, counts.bootstrap);
     if (counts.b > 0) {
-        scratch.target.recorder = {&film, &plan.paths.filter, &counts.classes, counts.b,
+        scratch.target.recorder = {nullptr, &film, &plan.paths.filter, &counts.classes, counts.b,
                                    static_cast<int>(index % Film::batches)};
-        run_chains(scratch, plan.chains, plan.steps, key, counts.bootstrap);
+        run_chains(scratch, plan.chains, plan.steps, key);
     }
     statistics.rays.closest += rays.closest + counts.bootstrap.rays.closest;
     statistics.rays.shadow += rays.shadow + counts.bootstrap.rays.shadow;

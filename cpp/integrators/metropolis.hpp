@@ -16,6 +16,7 @@
 #include "integrators/bootstrap.hpp"
 #include "integrators/metropolis_statistics.hpp"
 #include "integrators/path_tracer.hpp"
+#include "paths/guide.hpp"
 
 namespace usdmlt {
 
@@ -34,6 +35,7 @@ struct MetropolisPlan {
     uint32_t bootstrap_samples = 0;  // of a unit
     std::vector<double> mutation_weights;
     StrategyTable strategies;
+    std::shared_ptr<const Guide> guide;  // of walks from the eye; null: there is nothing to guide
     ImportanceMap importance;
     double pilot_b = 0;
 };

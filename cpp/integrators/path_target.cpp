@@ -55,6 +55,8 @@ double PathTarget::ratio(int m, const State& x, const State& y) {
 }
 
 void PathTarget::deposit(const State& state, double weight) {
+    if (recorder.picture)
+        recorder.picture->add(state.path.raster, weight * luminance(state.color));
     if (!recorder.film) return;
     Vec2f offset;
     if (recorder.filter->kind != PixelFilter::Kind::box)

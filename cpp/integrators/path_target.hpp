@@ -20,9 +20,10 @@ struct PathState {
     Spectrum color;       // f / f*
 };
 
-// What paths are recorded into.
+// What paths are recorded into: a film, or a pilot's coarse picture, or nothing.
 struct PathRecorder {
-    Film* film = nullptr;  // none: nothing is deposited
+    CoarsePicture* picture = nullptr;
+    Film* film = nullptr;
     const PixelFilter* filter = nullptr;
     PathClasses* classes = nullptr;
     double scale = 1;  // b of the unit

@@ -247,6 +247,30 @@ bool Closure::sample_lobes(Vec3f known_world, Known role, float u_lobe, Vec2f u,
     return out.pdf > 0;
 }
 
+// Mixture of guide and closure; Dirac components are left to the closure.
+float Closure::pdf_guided(Vec3f known, Vec3f sampled, Component component) const {
+    constexpr float share = DirectionGuide::share;
+    const float own = (1 - share) * pdf_scattering(known, sampled, Known::eye, component);
+    return component == non_delta ? own + share * guide->pdf(sampled) : own;
+}
+
+bool Closure::sample_guided(Vec3f known, float u_lobe, Vec2f u, ClosureSample& out) const {
+    constexpr float share = DirectionGuide::share;
+    if (u_lobe < share) {
+        out.direction = guide->sample(u_lobe / share, u);
+        out.component = non_delta;
+        out.value = evaluate(out.direction, known);
+        if (is_black(out.value)) return false;
+    } else if (!sample_scattering(known, Known::eye, (u_lobe - share) / (1 - share), u, out)) {
+        return false;
+    }
+    if (out.component == non_delta)
+        out.pdf = pdf_guided(known, out.direction, non_delta);
+    else
+        out.pdf *= 1 - share;
+    return out.pdf > 0;
+}
+
 bool Closure::delta_direction(Vec3f known_world, Component component, Vec3f& sampled_world) const {
     const int i = lobe_of(component);
     const bool across = is_transmission(component);

@@ -21,6 +21,7 @@
 #include "base/spectrum.hpp"
 #include "base/vec.hpp"
 #include "base/warps.hpp"
+#include "materials/direction_guide.hpp"
 
 namespace usdmlt {
 
@@ -92,6 +93,8 @@ struct Closure {
     int cover_count = 0;
     bool has_non_delta = false;  // some lobe is not Dirac: the point can be connected
     bool is_lambert = false;     // one Lambert lobe and nothing else: the short way
+    // Where walks from the eye look for light, besides where the lobes send them; null: nowhere.
+    const DirectionGuide* guide = nullptr;
     // In unions so that a closure is made without touching the lobes that it does not use.
     union {
         Lobe lobes[max_lobes];
@@ -114,6 +117,7 @@ struct Closure {
         cover_count = other.cover_count;
         has_non_delta = other.has_non_delta;
         is_lambert = other.is_lambert;
+        guide = other.guide;
         std::copy_n(other.lobes, lobe_count, lobes);
         std::copy_n(other.covers, cover_count, covers);
         return *this;
@@ -129,6 +133,11 @@ struct Closure {
 
     // Density of `sampled` in solid angle given `known`; selection probabilities included.
     float pdf(Vec3f known, Vec3f sampled, Known role, Component component = non_delta) const {
+        if (guide && role == Known::eye) return pdf_guided(known, sampled, component);
+        return pdf_scattering(known, sampled, role, component);
+    }
+    // The same without guide.
+    float pdf_scattering(Vec3f known, Vec3f sampled, Known role, Component component) const {
         if (!is_lambert) return pdf_lobes(known, sampled, role, component);
         return component == non_delta && same_side(known, sampled)
                    ? abs_dot(sampled, shading.z) * inv_pi
@@ -138,6 +147,11 @@ struct Closure {
     // Samples the missing direction. u: lobe choice and Fresnel choice by u_lobe (rescaled), the
     // direction by u. False where nothing is scattered (absorbed, or sides disagree).
     bool sample(Vec3f known, Known role, float u_lobe, Vec2f u, ClosureSample& out) const {
+        if (guide && role == Known::eye) return sample_guided(known, u_lobe, u, out);
+        return sample_scattering(known, role, u_lobe, u, out);
+    }
+    bool sample_scattering(Vec3f known, Known role, float u_lobe, Vec2f u,
+                           ClosureSample& out) const {
         if (!is_lambert) return sample_lobes(known, role, u_lobe, u, out);
         Vec3f local = square_to_cosine_hemisphere(u);
         if (dot(known, shading.z) < 0) local.z = -local.z;
@@ -171,6 +185,8 @@ private:
         const float a_g = dot(a, geometric_normal), b_g = dot(b, geometric_normal);
         return a_s * a_g > 0 && b_s * b_g > 0 && a_s * b_s > 0;
     }
+    float pdf_guided(Vec3f known, Vec3f sampled, Component component) const;
+    bool sample_guided(Vec3f known, float u_lobe, Vec2f u, ClosureSample& out) const;
     Spectrum evaluate_lobes(Vec3f to_light, Vec3f to_eye, Component component) const;
     float pdf_lobes(Vec3f known, Vec3f sampled, Known role, Component component) const;
     bool sample_lobes(Vec3f known, Known role, float u_lobe, Vec2f u, ClosureSample& out) const;

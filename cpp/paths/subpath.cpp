@@ -13,7 +13,7 @@ constexpr int roulette_start = 2;
 void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf, Spectrum weight,
           int max_vertices, RayCounters& counters, Subpath& path) {
     const float start = max_component(weight);
-    float eta_squared = 1;
+    float not_lost = 1;  // undoes what took throughput but no light
     for (;;) {
         SubpathVertex& previous = path[path.count - 1];
         SubpathVertex& v = path[path.count];
@@ -54,9 +54,13 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
         }
         v.strategy_sum = (joins ? 1 : 0) + ratio * previous.strategy_sum;
 
+        const float before = max_component(weight);
         weight *= sampling_weight(v, known, role, sample);
-        eta_squared *= refraction_scale(v, known, role, sample);
-        const float w = max_component(weight) * eta_squared;
+        not_lost *= refraction_scale(v, known, role, sample);
+        // A guide's density is high where the light is, not where little of it goes on.
+        if (v.closure.guide && role == Known::eye && max_component(weight) > 0)
+            not_lost *= before / max_component(weight);
+        const float w = max_component(weight) * not_lost;
         if (!(w > 0)) return;
         if (path.roulette && n > roulette_start) {
             const float q = continuation_probability(w / start);

@@ -1,5 +1,7 @@
 #include "paths/trace.hpp"
 
+#include "paths/guide.hpp"
+
 namespace usdmlt {
 namespace {
 
@@ -81,6 +83,7 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
     v.triangle = hit.primitive;
     v.instance = hit.instance;
     v.uv = {hit.u, hit.v};
+    v.closure.guide = nullptr;
     if (hit.mesh == invalid_index) {
         // A light's own shape: emits, scatters nothing.
         v.light = shape_point(scene.lights, hit.primitive, v.uv);
@@ -186,6 +189,7 @@ bool trace_vertex(const Scene& scene, const Ray& ray, bool environment, RandomSt
     Hit hit;
     if (trace(scene, ray, random, counters, hit, v.opacity, transmittance)) {
         surface_vertex(scene, hit, v);
+        if (counters.guide && v.can_connect()) v.closure.guide = counters.guide->at(v.position);
         return true;
     }
     LightPoint point;

@@ -19,10 +19,13 @@ struct RayRecorder {
     std::vector<Entry> entries;
 };
 
-// Per-thread counters; rays are counted by kind.
+class Guide;
+
+// Of one thread: rays counted by kind, and what goes along with tracing them.
 struct RayCounters {
     uint64_t closest = 0, shadow = 0;
     RayRecorder* recorder = nullptr;
+    const Guide* guide = nullptr;  // of the vertices that trace_vertex makes
 
     void count_closest(const Ray& ray) {
         ++closest;
