@@ -3,6 +3,7 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <map>
 
 #include "base/floating_point.hpp"
@@ -89,15 +90,17 @@ double log_of(const ScaledDouble& t) {
 struct WatchedTarget {
     using State = PathState;
 
-    WatchedTarget(MetropolisScratch& scratch, Table& table)
+    WatchedTarget(MetropolisScratch& scratch, const std::vector<Mutant>& mutants, Table& table)
         : target(scratch.target),
           context(scratch.context),
           selection(scratch.selection),
+          mutants(mutants),
           table(table) {}
 
     PathTarget& target;
     MutationContext& context;
     const MutationSelection& selection;
+    const std::vector<Mutant>& mutants;
     Table& table;
     int mutation = -1;
     bool made = false, accepted = false;
@@ -131,7 +134,7 @@ struct WatchedTarget {
         table.set("terms", count_terms(context, m, x.path, y.path, change));
         table.set("selected", selection.probability(m, mask_before));
         table.set("selected_back", selection.probability(m, mask_after));
-        for (const Mutant& mutant : mutants()) {
+        for (const Mutant& mutant : mutants) {
             const std::string name = mutant.name;
             table.set(name, log_of(mutant.density(context, m, x.path, y.path, change, false)));
             table.set(name + "_back",
@@ -152,12 +155,17 @@ struct WatchedTarget {
 // Single steps from starts ∝ the bootstrap's weights. Steps that made no y leave no row.
 py::dict step_probe(const Scene& scene, const Weights& mutation_weights, int rounds,
                     uint32_t samples, int starts, int steps, int depth, int min_edges,
-                    uint64_t seed, bool margin, bool two_stage) {
+                    uint64_t seed, bool margin, bool two_stage,
+                    const std::vector<std::string>& mutant_names) {
     const FlushDenormals flush;
     const Settings settings =
         make_settings(mutation_weights, depth, min_edges, seed, margin, two_stage);
     const MetropolisPlan plan(scene, settings);
     MetropolisScratch scratch(scene, plan);
+    std::vector<Mutant> chosen;
+    for (const Mutant& mutant : mutants())
+        if (std::find(mutant_names.begin(), mutant_names.end(), mutant.name) != mutant_names.end())
+            chosen.push_back(mutant);
     Table table;
     UnitStatistics& statistics = scratch.statistics.bootstrap;
     const size_t vertices = scratch.context.arena.available();
@@ -176,7 +184,7 @@ py::dict step_probe(const Scene& scene, const Weights& mutation_weights, int rou
             scratch.context.chain = uint32_t(c);
             scratch.context.lens_proposals = 0;
             for (int step = 0; step < steps; ++step) {
-                WatchedTarget target(scratch, table);
+                WatchedTarget target(scratch, chosen, table);
                 run_chain(target, scratch.selection, scratch.x, scratch.y, 1,
                           scratch.context.random, scratch.statistics.chains);
                 ++total_steps;
@@ -279,13 +287,15 @@ std::vector<std::tuple<int, int, int, double>> bidirectional_choices(const Scene
 }  // namespace
 
 void bind_mutations(py::module_& module) {
-    module.def("step_probe", &step_probe, py::arg("scene"), py::arg("mutation_weights"),
-               py::kw_only(), py::arg("rounds"), py::arg("samples"), py::arg("starts"),
-               py::arg("steps") = 1, py::arg("depth") = 6, py::arg("min_edges") = 1,
-               py::arg("seed") = 0, py::arg("margin") = true, py::arg("two_stage") = false,
-               "Single steps of run_chain from paths of bidirectional path tracing, drawn in "
-               "proportion to their weights. One row per proposal that was made: the states before "
-               "and after, what each would deposit, densities, and those of the mutants.");
+    module.def(
+        "step_probe", &step_probe, py::arg("scene"), py::arg("mutation_weights"), py::kw_only(),
+        py::arg("rounds"), py::arg("samples"), py::arg("starts"), py::arg("steps") = 1,
+        py::arg("depth") = 6, py::arg("min_edges") = 1, py::arg("seed") = 0,
+        py::arg("margin") = true, py::arg("two_stage") = false,
+        py::arg("mutants") = std::vector<std::string>(),
+        "Single steps of run_chain from paths of bidirectional path tracing, drawn in "
+        "proportion to their weights. One row per proposal that was made: the states before "
+        "and after, what each would deposit, densities, and those of the mutants that are named.");
     module.def("proposal_probe", &proposal_probe, py::arg("scene"), py::arg("mutation"),
                py::arg("path_class"), py::arg("raster"), py::kw_only(), py::arg("count"),
                py::arg("depth") = 6, py::arg("min_edges") = 1, py::arg("seed") = 0,

@@ -23,7 +23,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from support.mutations import CLASS_SCENES, MUTATIONS, of_mutation, steps
+from support.class_scenes import CLASS_SCENES
+from support.mutations import MUTATIONS, of_mutation, steps
 from support.rendering import build
 from support.scenes import GREY, HEIGHT, SCENES, WIDTH, picture_of
 from support.shapes import facing, floor, orthographic, perspective

@@ -1,183 +1,217 @@
-"""Scenes of 24 × 16 pixels in which light takes one kind of way: most energy is in a few classes.
+"""Scenes for single classes of paths, where mutations have to show their densities.
 
-Among them are all cameras (perspective, thin lens, orthographic) and all kinds of light (shapes,
-emissive meshes, distant lights with and without extent, domes). Lights at the end of chains of
-Dirac vertices are large enough to be hit.
+Edge lengths and cosines vary several times, so that a factor left out of a density does not cancel;
+what applies to a path depends on the path. All are 24 × 16 pixels.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from support.scenes import GREEN, GREY, RED, ROOM_CAMERA, WHITE, picture_of, room, sky
-from support.shapes import (
-    box,
-    facing,
-    floor,
-    orthographic,
-    perspective,
-    quad,
-    rotate,
-    sphere,
-    translate,
-)
+from support.scenes import GREY, WHITE, picture_of, sky
+from support.shapes import box, facing, floor, orthographic, perspective, quad, sphere, translate
 from usdmlt import scene as s
-
-GLASS = s.Material(s.Dielectric(1.5, 0.0, scatter_mode="RT"))
-WATER = s.Material(s.Dielectric(1.33, 0.0, scatter_mode="RT"))
-MIRROR = s.Material(s.GeneralizedSchlick((0.9, 0.9, 0.8), roughness=0.0))
-UP, DOWN = facing((0, 0, 0), (0, 1, 0), (0, 0, 1)), facing((0, 0, 0), (0, -1, 0), (0, 0, 1))
 
 CLASS_SCENES: dict[str, Callable[[], s.Scene]] = {}
 
 
-def scene(function: Callable[[], s.Scene]) -> Callable[[], s.Scene]:
+def class_scene(function: Callable[[], s.Scene]) -> Callable[[], s.Scene]:
     CLASS_SCENES[function.__name__] = function
     return function
 
 
-@scene
-def indirect_room() -> s.Scene:
-    """LDDE, LDDDE: a lamp in a bowl that shines at the ceiling alone."""
-    bowl = [
-        quad((-0.5, 0.2, -0.4), (1.0, 0, 0), (0, 0, 0.8)),
-        quad((-0.5, 0.2, -0.4), (1.0, 0, 0), (0, 0.25, 0)),
-        quad((-0.5, 0.2, 0.4), (1.0, 0, 0), (0, 0.25, 0)),
-        quad((-0.5, 0.2, -0.4), (0, 0, 0.8), (0, 0.25, 0)),
-        quad((0.5, 0.2, -0.4), (0, 0, 0.8), (0, 0.25, 0)),
-    ]
-    return picture_of(
-        ROOM_CAMERA,
-        meshes=[*room((1, 2)), *bowl, box((-0.7, -1, -0.6), (-0.2, -0.3, 0))],
-        materials=[WHITE, RED, GREEN],
-        lights=[s.RectLight((12,) * 3, 0.8, 0.6, UP @ translate(0, 0.25, 0))],
-    )
+GLASS = s.Material(s.Dielectric(1.5, 0.0, scatter_mode="RT"))
+WATER = s.Material(s.Dielectric(1.33, 0.0, scatter_mode="RT"))
+MIRROR = s.Material(s.Conductor((0.2, 0.4, 1.4), (3.4, 2.3, 1.8), 0.0))
+# Below Dirac reflection, so that a walk's stop is a matter of chance.
+LACQUER = s.Material(s.Layer(s.Dielectric(1.8, 0.0), s.Diffuse((0.6, 0.5, 0.4))))
 
 
-@scene
-def mirror_caustic_through_a_lens() -> s.Scene:
-    """LSDE, LSDDE, LSDSDE: lamps that shine at mirrors alone, out of sight; a wide lens."""
+@class_scene
+def corridor() -> s.Scene:
+    """Diffuse walls from 0.7 to 9 units away under a lamp close to one of them: edges of all
+    lengths and cosines, no Dirac vertex."""
     return picture_of(
-        perspective((0, 0.75, 3.8), (0, -0.1, 0), 40, lens_radius=0.2, focus_distance=3.8),
+        perspective((0, 0.6, 4), (-0.2, 0.4, 0), 62),
         meshes=[
-            floor(0),
-            quad((-3, 0, -1.6), (6, 0, 0), (0, 2.5, 0), 2),
-            quad((-1.6, 1.5, -0.5), (1.2, 0.2, 0), (0, 0, 1), 1),
-            quad((0.2, 1.6, -0.5), (1.2, -0.3, 0), (0, 0, 1), 1),
+            quad((-2, 0, 4.5), (4, 0, 0), (0, 0, -9.5), 0),
+            quad((-1.2, 0, 4.5), (0, 0, -9.5), (0, 2.5, 0), 1),
+            quad((2, -0.2, -5), (-0.8, 0, 8.5), (0, 2.8, 0), 0),
+            quad((-2, 0, -5), (4, 0, 0), (0, 2.5, 0.6), 1),
+            box((0.2, 0.0, 1.6), (0.7, 0.5, 2.2), 1),
         ],
-        materials=[WHITE, MIRROR, RED],
-        lights=[
-            s.DiskLight((5, 5, 5), 0.5, UP @ translate(-0.9, 0.9, 0)),
-            s.DiskLight((4, 5, 6), 0.4, UP @ translate(0.8, 1.0, 0)),
-        ],
+        materials=[WHITE, GREY],
+        lights=[s.RectLight((9, 8, 7), 0.5, 0.8, facing((-1.0, 0.9, 0.5), (0.6, 0.2, 0)))],
     )
 
 
-@scene
+def water(camera: s.Camera, lights: list, **others: object) -> s.Scene:
+    """A sheet of water over a floor that falls from 0.15 to 2.5 units below it."""
+    return picture_of(
+        camera,
+        meshes=[
+            quad((-2.5, -0.15, 2.2), (5, 0, 0), (0, -2.35, -4.4), 0),
+            quad((-2.5, 0, 2.2), (5, 0, 0), (0, 0, -4.4), 1),
+            *others.pop("meshes", []),
+        ],
+        materials=[WHITE, WATER, *others.pop("materials", [])],
+        lights=lights,
+        **others,
+    )
+
+
+POOL_LAMP = s.RectLight((4, 4, 4), 2.2, 2.2, facing((0.6, 2.4, -0.5), (0, 0, 0), (0, 0, 1)))
+
+
+@class_scene
 def pool() -> s.Scene:
-    """LSDSE and what is reflected between floor and water: a lamp above flat water."""
-    return picture_of(
-        perspective((0, 2.6, 2.6), (0, 0, 0), 40),
-        meshes=[
-            floor(0, 2.5, -0.8),
-            box((-2.6, -0.9, -2.6), (2.6, 0.0, 2.6), 1),
-            box((-0.5, -0.8, -0.3), (0.3, -0.3, 0.4), 2),
-        ],
-        materials=[WHITE, WATER, RED],
-        lights=[s.RectLight((6, 6, 5), 1.4, 1.4, DOWN @ translate(-0.4, 2.4, -0.8))],
+    """L S D S E under an area light, the floor at depths that differ 16 times."""
+    return water(perspective((0, 1.3, 3.2), (0, -0.3, 0.4), 40), [POOL_LAMP])
+
+
+@class_scene
+def pool_through_a_lens() -> s.Scene:
+    """The same seen by a wide lens, lit by a mesh that emits."""
+    lamp = s.Material(s.UniformEmission((4, 4, 4)))
+    camera = perspective((0, 1.3, 3.2), (0, -0.3, 0.4), 40, lens_radius=0.3, focus_distance=3.0)
+    return water(
+        camera,
+        [],
+        meshes=[quad((-0.6, 2.0, -1.4), (2.2, 0.5, 0), (0, 0.2, 2.0), 2)],
+        materials=[lamp],
     )
 
 
-@scene
-def seen_in_a_mirror() -> s.Scene:
-    """LDSE, LSE: parallel rays that meet a tilted mirror first, and diffuse things in it."""
-    return picture_of(
-        orthographic((0, 1.0, 4), (0, 1.0, 0), 2.4),
-        meshes=[
-            quad((-2, -0.4, 0.4), (4, 0, 0), (0, 2.6, -1.6), 1),
-            floor(0, 3.0, -0.4),
-            box((-0.9, 2.2, 0.4), (0.0, 3.0, 1.4), 2),
-            quad((-4, 5, 4), (8, 0, 0), (0, 0, -6), 0),
+@class_scene
+def pool_from_afar() -> s.Scene:
+    """The same seen by an orthographic camera, under a dome and a wide sun."""
+    return water(
+        orthographic((1.5, 2.5, 3), (0, -0.3, 0), 3.0),
+        [
+            s.DomeLight((0.5, 0.6, 0.8), 0),
+            s.DistantLight((30, 26, 20), 14.0, facing((0, 0, 0), (-0.6, -2, -0.5))),
         ],
-        materials=[WHITE, MIRROR, RED],
-        lights=[
-            s.SphereLight((9, 8, 7), 0.4, translate(0.9, 2.8, 1.2)),
-            s.CylinderLight((3, 4, 6), 0.2, 1.5, translate(-0.5, 3.8, 2.2)),
-        ],
-    )
-
-
-@scene
-def core_in_a_glass_shell() -> s.Scene:
-    """LSSDSSE: light enters two balls of glass, one in the other, and meets what is inside."""
-    return picture_of(
-        perspective((0, 0.6, 4), (0, 0, 0), 42),
-        meshes=[
-            sphere(1.3, 0, rings=12),
-            sphere(0.9, 1, rings=10),
-            box((-0.4, -0.4, -0.4), (0.4, 0.4, 0.4), 2, transform=rotate((1, 2, 3), 40)),
-        ],
-        materials=[GLASS, WATER, RED],
         textures=[s.Texture(sky())],
-        lights=[s.DomeLight((0.6, 0.7, 0.9), 0, rotate((1, 0, 1), 60))],
     )
 
 
-@scene
-def suns_through_glass() -> s.Scene:
-    """LSSDE of lights at infinity: a wide sun and one without extent, a prism, parallel rays."""
+@class_scene
+def mirrors_and_floor() -> s.Scene:
+    """E D S+ L, E D S D L and E S D S D L: inner chains at a mirror and a glass block, whose
+    distances from the floor differ."""
     return picture_of(
-        orthographic((2, 3, 4), (0, 0.3, 0), 3.0),
-        meshes=[
-            floor(0, 4.0),
-            box((-0.8, -0.15, -0.6), (0.5, 0.15, 0.6), 1,
-                transform=rotate((1, 0, 0.5), 25) @ translate(0, 1.0, 0)),
-            quad((0.9, 0.02, -0.8), (0.3, 0, 1.5), (0, 1.1, 0), 2),
-        ],
-        materials=[WHITE, GLASS, MIRROR],
-        lights=[
-            s.DistantLight((20, 16, 12), 12.0, facing((0, 0, 0), (-1, -2, -0.5))),
-            s.DistantLight((0.5, 0.5, 0.7), 0.0, facing((0, 0, 0), (0.6, -1, -0.6))),
-        ],
-    )  # fmt: skip
-
-
-@scene
-def glowing_mesh_and_mirrors() -> s.Scene:
-    """LSE, LDSE, LSDE, LDSDE: a mesh that glows and scatters, between mirrors, through a lens."""
-    glow = s.Material(s.Add(s.Diffuse((0.5, 0.5, 0.5)), s.UniformEmission((4.0, 3.0, 2.0))))
-    return picture_of(
-        perspective((0, 1.2, 4.5), (0, 0.6, 0), 36, lens_radius=0.2, focus_distance=4.5),
-        meshes=[
-            floor(0),
-            quad((-1.8, 0, 0.6), (1.0, 0, -1.4), (0, 1.6, 0), 1),
-            quad((0.7, 0, -0.9), (1.0, 0, 1.4), (0, 1.6, 0), 1),
-            sphere(0.35, 2, rings=5, transform=translate(0, 1.1, -0.2)),
-            box((-0.4, 0, -0.3), (0.3, 0.4, 0.3), 3),
-        ],
-        materials=[GREY, MIRROR, glow, GREEN],
-    )
-
-
-@scene
-def dome_and_glossy() -> s.Scene:
-    """LDE, LDDE by narrow lobes: rough glass and metal under a sky, seen through a pane."""
-    metal = s.Material(s.Conductor(roughness=0.12))
-    frosted = s.Material(s.Dielectric(1.5, 0.15, scatter_mode="RT"))
-    return picture_of(
-        perspective((0, 1.5, 5), (0, 0.7, 0), 40),
+        perspective((0, 1.6, 4.2), (0, 0.3, 0), 40),
         meshes=[
             floor(0, 2.5),
-            sphere(0.7, 1, smooth=True, transform=translate(-0.9, 0.75, 0)),
-            box((-0.5, -0.5, -0.15), (0.5, 0.5, 0.15), 2,
-                transform=rotate((0, 1, 0), 30) @ translate(0.7, 0.7, 0.3)),
-            box((-1.5, 0.1, 1.6), (0.2, 1.4, 1.7), 3),
+            quad((-1.8, 0.1, -0.6), (1.6, 0, -0.4), (0, 1.5, -0.5), 1),
+            box((0.3, 0.25, -0.4), (1.5, 0.5, 0.6), 2),
+            quad((-0.4, 0.02, 0.9), (1.2, 0, 0), (0, 0.2, -0.9), 3),
         ],
-        materials=[WHITE, metal, frosted, GLASS],
-        textures=[s.Texture(sky())],
-        lights=[s.DomeLight((0.6, 0.7, 0.9), 0, rotate((1, 0, 1), 60))],
+        materials=[WHITE, MIRROR, GLASS, LACQUER],
+        lights=[s.RectLight((5, 5, 5), 1.8, 1.4, facing((0.5, 2.6, 1.0), (0, 0, 0)))],
+    )
+
+
+@class_scene
+def sun_caustics() -> s.Scene:
+    """L S D E of a sun without extent and of a wide one, by a tilted mirror and a glass block;
+    edges from the mirror to the floor differ 5 times."""
+    return picture_of(
+        perspective((0, 2.4, 3.4), (0, 0, 0.2), 40),
+        meshes=[
+            floor(0, 2.5),
+            quad((-1.9, 0.2, 0.6), (0, 0, -1.4), (0.7, 1.3, 0), 1),
+            box((0.3, 0.3, -0.5), (1.4, 0.6, 0.7), 2),
+        ],
+        materials=[WHITE, MIRROR, GLASS],
+        lights=[
+            s.DistantLight((2.5, 2.4, 2.2), 0.0, facing((0, 0, 0), (-1.2, -1, -0.1))),
+            s.DistantLight((60, 50, 40), 8.0, facing((0, 0, 0), (-0.8, -1.3, 0.2))),
+        ],
+    )
+
+
+@class_scene
+def lamp_caustics() -> s.Scene:
+    """L S D E and L D S D E of a small lamp close to a mirror and a glass ball, over a floor that
+    is far on one side: angles of the caustic perturbation differ many times."""
+    return picture_of(
+        perspective((0, 2.2, 3.6), (0, 0, 0.2), 44),
+        meshes=[
+            quad((-2.5, 0.7, 2.5), (5, -2.4, 0), (0, 0, -5), 0),
+            quad((-0.2, 1.5, -0.7), (1.2, 0.25, 0), (0, 0, 1.4), 1),
+            sphere(0.45, 2, smooth=True, transform=translate(-1.0, 1.0, 0.2)),
+        ],
+        materials=[WHITE, MIRROR, GLASS],
+        lights=[s.DiskLight((9, 9, 9), 0.25, facing((0.1, 0.8, 0), (0.2, 1.6, 0), (0, 0, 1))),
+                s.RectLight((6, 6, 6), 0.7, 0.7, facing((-1.3, 2.2, 0), (-1, 1, 0.2), (0, 0, 1)))],
     )  # fmt: skip
 
 
-def build(name: str) -> s.Scene:
-    return CLASS_SCENES[name]()
+@class_scene
+def veils() -> s.Scene:
+    """Sheets of partial opacity, one of which emits, over a floor."""
+    return picture_of(
+        perspective((0, 1.5, 4), (0, 0.4, 0), 42),
+        meshes=[
+            floor(0, 2.5),
+            quad((-1.5, 0.3, 0.8), (1.8, 0, -0.3), (0, 0.9, -0.5), 1),
+            quad((-0.2, 0.9, -0.6), (1.5, 0.3, 0), (0, 0.1, 1.4), 2),
+        ],
+        materials=[
+            WHITE,
+            s.Material(s.Diffuse((0.7, 0.6, 0.6)), opacity=0.3),
+            s.Material(s.Add(s.Diffuse((0.6, 0.6, 0.6)), s.UniformEmission((2, 2, 2))),
+                       opacity=0.5),
+        ],
+        lights=[s.RectLight((8, 8, 8), 0.8, 0.8, facing((0.8, 2.2, 0.8), (0, 0, 0)))],
+    )  # fmt: skip
+
+
+@class_scene
+def near_lamps() -> s.Scene:
+    """Large lamps close to a floor, sampled by the solid angle they fill: points of one lamp are
+    found with very different densities from different places."""
+    return picture_of(
+        perspective((0, 1.6, 4), (0, 0.2, 0), 44),
+        meshes=[floor(0, 2.5), box((-0.4, 0, -0.6), (0.4, 0.5, 0), 1)],
+        materials=[WHITE, GREY],
+        lights=[
+            s.SphereLight((3, 3, 3), 0.7, translate(-1.4, 0.85, 0.3)),
+            s.RectLight((3, 3, 2), 1.6, 1.6, facing((1.5, 0.5, 0.2), (0.6, 0.2, 0))),
+        ],
+    )
+
+
+@class_scene
+def mirrored_light() -> s.Scene:
+    """L D S D E: a lamp lights a panel, and only a mirror shows that to the floor, which falls away
+    from it; the chain from the floor ends on the panel and is connected to the lamp."""
+    return picture_of(
+        perspective((0, 0.9, 3.8), (0, -0.3, 0), 46),
+        meshes=[
+            quad((-2.2, 0.2, 1.6), (4.4, -1.6, 0), (0, 0, -3.2), 0),
+            quad((-2.3, 1.0, 1.0), (1.5, 0, 0), (0, 0, -2.0), 1),
+            quad((-2.4, 2.3, -1.4), (4.0, 0.5, 0), (0, 0, 2.8), 2),
+        ],
+        materials=[WHITE, s.Material(s.Diffuse((0.8, 0.7, 0.6))), MIRROR],
+        lights=[s.RectLight((40, 40, 40), 0.3, 0.3,
+                            facing((-1.6, 1.5, 0.2), (-1.6, 1.0, 0.1), (0, 0, 1)))],
+    )  # fmt: skip
+
+
+@class_scene
+def mirror_floor() -> s.Scene:
+    """L D S E by a mirror that is looked at from steeply above to all but along it, and D S D in a
+    corner: cosines at the Dirac vertices differ 10 times."""
+    return picture_of(
+        perspective((0, 0.7, 2.0), (0, 0.1, 0.6), 80),
+        meshes=[
+            quad((-3, 0, 2.4), (6, 0, 0), (0, 0, -6), 1),
+            quad((-3, 0, -3.6), (6, 0, 0), (0, 3, 0.8), 0),
+            quad((-3, 3, -3.6), (6, 0, 0), (0, -0.5, 6), 0),
+            box((-0.9, 0.1, -0.6), (-0.3, 0.6, 0.1), 0),
+        ],
+        materials=[WHITE, MIRROR],
+        lights=[s.RectLight((9, 9, 9), 0.8, 0.8, facing((1.5, 1.2, 0.8), (0, 2, -2)))],
+    )
