@@ -43,11 +43,12 @@ class Agreement:
         significance: float = 1e-3,
         resolution: float = 0.02,
         block_resolution: float = math.inf,
+        questions: tuple[str, ...] = ("pixels", "blocks", "mean"),
     ) -> Agreement:
         """Fail where a question is answered "different", or where the noise hides the answer."""
         assert self.resolution <= resolution, f"too noisy to tell: {self}"
         assert self.block_resolution <= block_resolution, f"blocks too noisy to tell: {self}"
-        for question in ("pixels", "blocks", "mean"):
+        for question in questions:
             assert getattr(self, question) >= significance, f"{question} differ: {self}"
         return self
 
