@@ -1,11 +1,12 @@
 """What the integrators do per second of processor time, beside Embree alone and Mitsuba 3.
 
-Equal-time error: renders of independent seeds of one integrator differ by its noise alone, so
+Renders of independent seeds of one integrator differ by its noise alone, so
 
     relMSE = mean((a - b)^2 / 2 / (m^2 + 0.01)),
 
 over pairs of pictures (a, b) scaled to mean 1 and their common mean m, needs no reference. It falls
-as 1/time: relMSE times seconds is the figure of merit, and lower is better.
+as 1/time: relMSE times seconds is the figure of merit, and lower is better. It cannot see what all
+seeds have in common; :mod:`usdmlt.equal_time` can.
 """
 
 from __future__ import annotations
@@ -28,14 +29,19 @@ if TYPE_CHECKING:
     from usdmlt.settings import ResolvedIntegrator
 
 SEEDS = 4
+REPLAYED_RAYS = 1_000_000
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """One row: rates per second of processor time; None where a renderer does not tell."""
+    """One row: rates per second of processor time; None where a renderer does not tell.
+
+    ``samples``: camera samples; of mlt, mutations, whatever else the render did meanwhile.
+    """
 
     renderer: str
     samples_per_second: float
+    rays_per_sample: float | None
     rays_per_second: float | None
     embree_rays_per_second: float | None  # Embree alone, replaying the render's own rays
     rel_mse_seconds: float
@@ -46,28 +52,22 @@ def measure(scene: Scene, integrator: ResolvedIntegrator, samples: int, depth: i
     """Render a scene :data:`SEEDS` times on one thread."""
     core_scene = native.build_scene(scene, "avx2")
     pictures = []
-    totals = {"samples": 0.0, "rays": 0.0, "cpu_seconds": 0.0}
+    samples_done = rays = seconds = 0.0
     for seed in range(SEEDS):
-        settings = Settings(
-            samples=samples,
-            depth=depth,
-            seed=seed,
-            threads=1,
-            filter="box",
-        )
+        settings = Settings(samples=samples, depth=depth, seed=seed, threads=1, filter="box")
         render = native.plan_render(core_scene, settings, integrator)
         render.run(render.units_total, threads=1)
         stats = render.stats()
-        for key in totals:
-            totals[key] += stats[key]
+        samples_done += stats["mlt"]["mutations"] if integrator == "mlt" else stats["samples"]
+        rays += stats["rays"]
+        seconds += stats["cpu_seconds"]
         pictures.append(render.image()[..., :3])
-    embree = render.replay_rays_per_cpu_second(1_000_000)
-    seconds = totals["cpu_seconds"]
     return Measurement(
         integrator,
-        totals["samples"] / seconds,
-        totals["rays"] / seconds,
-        embree,
+        samples_done / seconds,
+        rays / samples_done if samples_done else None,
+        rays / seconds,
+        render.replay_rays_per_cpu_second(REPLAYED_RAYS),
         rel_mse(pictures) * seconds / SEEDS,
         float(np.mean(pictures)),
     )
@@ -105,6 +105,7 @@ def measure_mitsuba(scene: Scene, samples: int, depth: int) -> Iterator[Measurem
         yield Measurement(
             f"Mitsuba 3 path, {variant}",
             count / seconds,
+            None,
             None,
             None,
             rel_mse(pictures) * seconds / SEEDS,
