@@ -73,7 +73,7 @@ def test_the_depth_limit_cuts_off_and_does_nothing_else(integrator: str, depth: 
 @pytest.mark.parametrize("integrator", ALL)
 def test_energy_by_path_length_is_reported(integrator: str) -> None:
     """The statistics of a render tell ½^(k−1) too."""
-    render = plan(closed_sphere(), integrator, depth=6, **work(integrator, 512))
+    render = plan(closed_sphere(), integrator, depth=6, **work(integrator, 1024))
     render.run(render.units_total)
     energy = render.stats()["path_length_energy"]
     assert energy[0] == 0

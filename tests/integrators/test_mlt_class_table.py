@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from support import class_scenes
+from support import transport_scenes
 from support.rendering import build, plan
 from support.statistics import sidak
 from usdmlt.native import core
@@ -37,7 +37,7 @@ def of_chains(built, seed: int, mutations: int, **settings: object) -> dict[str,
 
 @cache
 def reference(name: str, seeds: int, samples: int, bidirectional: bool) -> list[dict[str, float]]:
-    built = build(class_scenes.build(name))
+    built = build(transport_scenes.build(name))
     return [
         core().class_energies(built, samples, DEPTH, seed, bidirectional)
         for seed in range(1000, 1000 + seeds)
@@ -79,7 +79,7 @@ def compare(
 @pytest.mark.parametrize("name", ["mirror_caustic_through_a_lens", "pool"])
 def test_classes_have_the_energy_of_bidirectional_samples(name: str) -> None:
     """Chains of three edges and more, as the integrator has them by default."""
-    built = build(class_scenes.build(name))
+    built = build(transport_scenes.build(name))
     chains = [of_chains(built, seed, 192) for seed in range(16)]
     other = [
         {c: e for c, e in t.items() if len(c) > 3}
@@ -91,10 +91,10 @@ def test_classes_have_the_energy_of_bidirectional_samples(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("two_stage", [False, True], ids=["one stage", "two stages"])
-@pytest.mark.parametrize("name", class_scenes.CLASS_SCENES)
+@pytest.mark.parametrize("name", transport_scenes.TRANSPORT_SCENES)
 def test_all_classes_have_the_energy_of_both_other_methods(name: str, two_stage: bool) -> None:
     """From LE on, 24 seeds each."""
-    built = build(class_scenes.build(name))
+    built = build(transport_scenes.build(name))
     chains = [
         of_chains(built, seed, 1024, direct_separately=False, two_stage=two_stage)
         for seed in range(24)

@@ -21,7 +21,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from support import class_scenes, scenes
+from support import scenes, transport_scenes
 from support.rendering import build, pictures
 from support.statistics import agreement
 
@@ -38,7 +38,7 @@ def label(mutations: set[str]) -> str:
 
 
 def scene_of(name: str):
-    return (class_scenes if name in class_scenes.CLASS_SCENES else scenes).build(name)
+    return (transport_scenes if name in transport_scenes.TRANSPORT_SCENES else scenes).build(name)
 
 
 @cache
@@ -127,7 +127,7 @@ def sharp(name: str) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", class_scenes.CLASS_SCENES)
+@pytest.mark.parametrize("name", transport_scenes.TRANSPORT_SCENES)
 def test_every_admissible_set(name: str) -> None:
     """Direct light and stages alternate between the sets. Šidák's correction counts the sets. With
     so few mutations the light of a pixel is skewed, and differs by more than t-tests take for noise
@@ -158,7 +158,7 @@ def test_each_mutation_alone_for_longer(mutation: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*class_scenes.CLASS_SCENES, *scenes.SCENES])
+@pytest.mark.parametrize("name", [*transport_scenes.TRANSPORT_SCENES, *scenes.SCENES])
 def test_every_scene(name: str) -> None:
     got = agreement(chains(name, set(MUTATIONS), seeds=24, samples=1024), sharp(name), lumpy=True)
     print(f"{name:30} {'default':60} {got}")
