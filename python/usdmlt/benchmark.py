@@ -4,9 +4,9 @@ Renders of independent seeds of one integrator differ by its noise alone, so
 
     relMSE = mean((a - b)^2 / 2 / (m^2 + 0.01)),
 
-over pairs of pictures (a, b) scaled to mean 1 and their common mean m, needs no reference. It falls
-as 1/time: relMSE times seconds is the figure of merit, and lower is better. It cannot see what all
-seeds have in common; :mod:`usdmlt.equal_time` can.
+over pairs of pictures (a, b) scaled to mean 1 and the mean m of the others, needs no reference. It
+falls as 1/time: relMSE times seconds is the figure of merit, and lower is better. It cannot see
+what all seeds have in common, such as light that none of them found; :mod:`usdmlt.equal_time` can.
 """
 
 from __future__ import annotations
@@ -114,11 +114,11 @@ def measure_mitsuba(scene: Scene, samples: int, depth: int) -> Iterator[Measurem
 
 
 def rel_mse(pictures: list[Any]) -> float:
-    """Relative mean squared error of one picture, from independent ones; see the module."""
+    """Relative mean squared error of one picture, from three independent ones or more."""
     scaled = [np.asarray(p, np.float64) / np.mean(p) for p in pictures]
-    reference = np.mean(scaled, axis=0)
+    total = np.sum(scaled, axis=0)
     errors = [
-        np.mean((a - b) ** 2 / 2 / (reference**2 + 0.01))
+        np.mean((a - b) ** 2 / 2 / (((total - a - b) / (len(scaled) - 2)) ** 2 + 0.01))
         for a, b in itertools.combinations(scaled, 2)
     ]
     return float(np.mean(errors))
