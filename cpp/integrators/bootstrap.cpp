@@ -140,7 +140,7 @@ void Bootstrap::choose_starts(int count, double u, std::vector<size_t>& starts) 
     }
 }
 
-bool Bootstrap::restore(const BootstrapEntry& entry, const PathTarget& target, PathState& state,
+bool Bootstrap::restore(const BootstrapEntry& entry, PathTarget& target, PathState& state,
                         UnitStatistics& statistics) {
     PathSink sink{context_.domain, entry.s, entry.t, state.path, context_.arena, {}, {}, false};
     sample(entry.sample, sink, statistics, sink.raster);

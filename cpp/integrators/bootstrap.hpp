@@ -37,7 +37,7 @@ public:
 
     // Makes the path of an entry, with vertices of the context's arena. False where rounding took
     // its light away.
-    bool restore(const BootstrapEntry& entry, const PathTarget& target, PathState& state,
+    bool restore(const BootstrapEntry& entry, PathTarget& target, PathState& state,
                  UnitStatistics& statistics);
 
 private:

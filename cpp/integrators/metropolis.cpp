@@ -7,18 +7,19 @@ namespace {
 
 // Mutations of a unit: few enough to last a fraction of a second, some per pixel of small images.
 constexpr int least_mutations = 1 << 13, most_mutations = 1 << 17, mutations_per_pixel = 4;
-constexpr int steps_per_chain = 512;
+constexpr int steps_per_chain = 128;
 // Camera samples of the part that is path traced, per mutation.
-constexpr double direct_samples_per_mutation = 1.0 / 8;
+constexpr double direct_samples_per_mutation = 1.0 / 4;
 
 constexpr double bootstrap_share = 0.25;  // of the rays of bootstrap and chains
 constexpr uint32_t pilot_samples = 4096;
-constexpr int pilot_steps = 256, trial_steps = 32;  // of as many chains as a unit has
+constexpr int pilot_steps = 64, trial_steps = 8;  // of as many chains as a unit has
 constexpr double photons_per_pixel = 2, least_photons = 0x1p12, most_photons = 0x1p17;
 constexpr double uniform_strategies = 0.1;
 
-// By mutation: new path, bidirectional, lens, caustic, multi-chain, lens subpath.
-const std::vector<double> default_weights = {0.05, 0.25, 0.25, 0.15, 0.20, 0.10};
+// By mutation: new path, bidirectional, lens, caustic, multi-chain, lens subpath. Measured by error
+// in equal time: with starts as many and as stratified as these, small moves pay most.
+const std::vector<double> default_weights = {0.01, 0.08, 0.55, 0.20, 0.25, 0.02};
 
 uint64_t unit_key(const Settings& settings, uint64_t purpose, uint64_t index) {
     return hash_key(hash_key(settings.seed, 0x6d6c74 + purpose), index);
@@ -69,12 +70,26 @@ StrategyTable strategy_table(const Settings& paths, const std::vector<BootstrapE
     return StrategyTable(weights);
 }
 
+// The path traced part of the picture, a few samples per cell.
+void add_direct_light(const Scene& scene, const MetropolisPlan& plan, uint64_t key,
+                      PathTracerScratch& scratch, CoarsePicture& picture) {
+    constexpr uint32_t samples = 4 * CoarsePicture::count;
+    UnitStatistics statistics(plan.direct.depth);
+    for (uint32_t i = 0; i < samples; ++i) {
+        Sampler sampler(key, i, 16);
+        const Vec2f raster = plan.domain.sample(sampler.next_2d());
+        float alpha;
+        const Spectrum value =
+            trace_path(scene, plan.direct, sampler, raster, scratch, statistics, alpha);
+        picture.add(raster, luminance(value) * CoarsePicture::count / samples);
+    }
+}
+
 std::shared_ptr<const Guide> make_guide(const Scene& scene, const Settings& settings) {
     const double pixels = double(scene.camera.width) * scene.camera.height;
     const int subpaths =
         static_cast<int>(std::clamp(photons_per_pixel * pixels, least_photons, most_photons));
-    auto guide =
-        std::make_shared<Guide>(trace_photons(scene, unit_key(settings, 1, 0), subpaths));
+    auto guide = std::make_shared<Guide>(trace_photons(scene, unit_key(settings, 1, 0), subpaths));
     return guide->empty() ? nullptr : guide;
 }
 
@@ -109,13 +124,15 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
     bootstrap_samples = pilot_samples;
     strategies = strategy_table(paths, {});
     if (settings.two_stage) {
-        // The first stage: a coarse picture by chains of the plain target.
+        // The first stage: a coarse picture by chains of the plain target, and of the rest.
         MetropolisScratch scratch(scene, *this);
         CoarsePicture picture(domain);
         scratch.target.recorder.picture = &picture;
-        if (scratch.bootstrap.draw(unit_key(settings, 1, 1), pilot_samples,
-                                   scratch.statistics.bootstrap) > 0)
-            run_chains(scratch, chains, pilot_steps, unit_key(settings, 1, 2));
+        const double b = scratch.bootstrap.draw(unit_key(settings, 1, 1), pilot_samples,
+                                                scratch.statistics.bootstrap);
+        if (b > 0) run_chains(scratch, chains, pilot_steps, unit_key(settings, 1, 2));
+        picture.scale(b * CoarsePicture::count / (double(chains) * pilot_steps));
+        add_direct_light(scene, *this, unit_key(settings, 1, 5), scratch.path, picture);
         importance = ImportanceMap(picture);
     }
 
@@ -126,15 +143,15 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
     if (!(pilot_b > 0)) return;
     strategies = strategy_table(paths, scratch.bootstrap.entries());
     scratch.context.strategies = strategies;
-    const double rays_per_sample = double(rays_of(scratch.statistics.bootstrap.rays)) /
-                                   pilot_samples;
+    const double rays_per_sample =
+        double(rays_of(scratch.statistics.bootstrap.rays)) / pilot_samples;
     run_chains(scratch, chains, trial_steps, unit_key(settings, 1, 4));
     const double rays_per_mutation =
         double(rays_of(scratch.context.rays)) / (double(chains) * trial_steps);
     const double count = bootstrap_share / (1 - bootstrap_share) * double(mutations_per_unit()) *
                          rays_per_mutation / rays_per_sample;
-    bootstrap_samples = static_cast<uint32_t>(
-        std::clamp(count, double(chains), double(mutations_per_unit())));
+    bootstrap_samples =
+        static_cast<uint32_t>(std::clamp(count, double(chains), double(mutations_per_unit())));
 }
 
 MetropolisScratch::MetropolisScratch(const Scene& scene, const MetropolisPlan& plan)
@@ -166,16 +183,19 @@ void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, cons
     rays.recorder = counts.bootstrap.rays.recorder = statistics.rays.recorder;
 
     const uint64_t key = unit_key(plan.paths, 0, uint64_t(index));
+    const uint64_t non_finite = scratch.target.non_finite();
     counts.bootstrap_samples = plan.bootstrap_samples;
     counts.b = scratch.bootstrap.draw(hash_key(key, 0), plan.bootstrap_samples, counts.bootstrap);
     if (counts.b > 0) {
-        scratch.target.recorder = {nullptr, &film, &plan.paths.filter, &counts.classes, counts.b,
-                                   static_cast<int>(index % Film::batches)};
+        scratch.target.recorder = {
+            nullptr,         &film,    &plan.paths.filter,
+            &counts.classes, counts.b, static_cast<int>(index % Film::batches)};
         run_chains(scratch, plan.chains, plan.steps, key);
     }
     statistics.rays.closest += rays.closest + counts.bootstrap.rays.closest;
     statistics.rays.shadow += rays.shadow + counts.bootstrap.rays.shadow;
-    statistics.non_finite += counts.bootstrap.non_finite + counts.chains.non_finite;
+    statistics.non_finite += counts.bootstrap.non_finite + counts.chains.non_finite +
+                             scratch.target.non_finite() - non_finite;
 }
 
 }  // namespace usdmlt

@@ -2,11 +2,12 @@
 
 namespace usdmlt {
 
-bool PathTarget::evaluate(State& state) const {
+bool PathTarget::evaluate(State& state) {
     const Contribution f = product_of_factors(state.path);
     double sum = 0;
     for (int c = 0; c < 3; ++c) sum += target_weights[c] * std::fabs(f.c[c]);
     sum *= importance_.weight(state.path.raster);
+    if (!std::isfinite(sum)) ++non_finite_;
     if (!(sum > 0) || !std::isfinite(sum)) return false;
     for (int c = 0; c < 3; ++c) state.color[c] = static_cast<float>(f.c[c] / sum);
     state.target = sum;
@@ -50,13 +51,13 @@ double PathTarget::ratio(int m, const State& x, const State& y) {
         back = M::density(context_, y.path, x.path, reversed);
         return true;
     });
+    if (!std::isfinite(forward.mantissa) || !std::isfinite(back.mantissa)) ++non_finite_;
     if (!forward.is_positive()) return 0;
     return usdmlt::ratio(y.target * back, x.target * forward);
 }
 
 void PathTarget::deposit(const State& state, double weight) {
-    if (recorder.picture)
-        recorder.picture->add(state.path.raster, weight * luminance(state.color));
+    if (recorder.picture) recorder.picture->add(state.path.raster, weight * luminance(state.color));
     if (!recorder.film) return;
     Vec2f offset;
     if (recorder.filter->kind != PixelFilter::Kind::box)

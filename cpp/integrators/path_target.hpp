@@ -55,7 +55,9 @@ public:
     void reject(const State& y) { context_.arena.give(y.path, change_.l + 1, change_.m_y); }
 
     // f* and colour of a path whose factors are all made; false where f* is not positive.
-    bool evaluate(State& state) const;
+    bool evaluate(State& state);
+
+    uint64_t non_finite() const { return non_finite_; }
 
     const Change& change() const { return change_; }
 
@@ -67,6 +69,7 @@ private:
     bool background_;
     uint32_t enabled_ = ~0u;
     Change change_;
+    uint64_t non_finite_ = 0;  // proposals with a contribution or density that is none
 };
 
 }  // namespace usdmlt

@@ -22,7 +22,7 @@ struct Settings {
 
     // Metropolis only.
     bool direct_separately = true;         // paths of up to two edges by path tracing
-    bool two_stage = false;                // the target is divided by a coarse picture
+    bool two_stage = true;                 // the target is divided by a coarse picture
     std::vector<double> mutation_weights;  // by mutation; empty: the pilot decides
 };
 

@@ -33,8 +33,7 @@ struct DirectionGuide {
     // u_choice: in [0, 1).
     Vec3f sample(float u_choice, Vec2f u) const {
         const int i = std::min(static_cast<int>(u_choice * static_cast<float>(count)), count - 1);
-        return Frame::from_normal({x[i], y[i], z[i]}).to_world(
-            square_to_cone(u, one_minus_cos[i]));
+        return Frame::from_normal({x[i], y[i], z[i]}).to_world(square_to_cone(u, one_minus_cos[i]));
     }
 };
 

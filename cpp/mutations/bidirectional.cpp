@@ -10,12 +10,22 @@ namespace {
 int first_l(int deleted) { return deleted == 1 ? 0 : -1; }
 int count_of_l(int k, int deleted) { return deleted == 1 ? k : k + 3 - deleted; }
 
-double deletion_weight(int deleted) {
-    return deleted == 1 ? 0.25 : deleted == 2 ? 0.5 : std::ldexp(1.0, -deleted);
-}
+// p_d by length, before normalisation. A single edge can only come back as more of them: at the
+// depth limit it is not deleted.
+struct Deletions {
+    int first;     // fewest edges deleted
+    double total;  // Σ over first … k + 2
 
-// Σ over deleted = 1 … k + 2.
-double deletion_total(int k) { return 1 - std::ldexp(1.0, -(k + 2)); }
+    Deletions(const MutationContext& context, int k)
+        : first(k < context.max_edges ? 1 : 2),
+          total(1 - std::ldexp(1.0, -(k + 2)) - (first == 1 ? 0 : 0.25)) {}
+    static double weight(int deleted) {
+        return deleted == 1 ? 0.25 : deleted == 2 ? 0.5 : std::ldexp(1.0, -deleted);
+    }
+    double probability(int k, int deleted) const {
+        return deleted < first ? 0 : weight(deleted) / (total * count_of_l(k, deleted));
+    }
+};
 
 double addition_weight(int difference) {
     const int j = std::abs(difference);
@@ -65,9 +75,10 @@ int count_of_splits(int k, int m, int added) { return m == k + 1 ? added - 1 : a
 bool Bidirectional::propose(MutationContext& context, const Path& x, Path& y, Change& change) {
     const int k = x.edges();
     RandomStream& random = context.random;
-    double u = random.next_double() * deletion_total(k);
-    int deleted = 1;
-    while (deleted < k + 2 && (u -= deletion_weight(deleted)) >= 0) ++deleted;
+    const Deletions deletions(context, k);
+    double u = random.next_double() * deletions.total;
+    int deleted = deletions.first;
+    while (deleted < k + 2 && (u -= Deletions::weight(deleted)) >= 0) ++deleted;
     const int count = count_of_l(k, deleted);
     const int l =
         first_l(deleted) + std::min(static_cast<int>(random.next_double() * count), count - 1);
@@ -79,15 +90,14 @@ bool Bidirectional::propose(MutationContext& context, const Path& x, Path& y, Ch
     const int splits = count_of_splits(k, m, added);
     const int from_light = std::min(static_cast<int>(random.next_double() * splits), splits - 1);
     if (!make_segment(context, x, change, from_light, added - 1 - from_light, y)) return false;
-    context.recorded *= deletion_weight(deleted) / (deletion_total(k) * count) *
-                        additions.probability(added) / splits;
+    context.recorded *= deletions.probability(k, deleted) * additions.probability(added) / splits;
     return true;
 }
 
 Bidirectional::Choice Bidirectional::choice(const MutationContext& context, int k,
                                             const Change& change) {
     const int l = change.l, m = change.m, deleted = m - l, added = change.m_y - l;
-    return {deletion_weight(deleted) / (deletion_total(k) * count_of_l(k, deleted)),
+    return {Deletions(context, k).probability(k, deleted),
             Additions(context, k, l, m).probability(added), count_of_splits(k, m, added)};
 }
 

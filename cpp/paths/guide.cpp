@@ -54,8 +54,8 @@ bool trace_photon(const Scene& scene, float select, Vec2f u_point, Vec2f u_direc
         if (v.closure.lobe_count == 0) return false;
         ClosureSample sample;
         const Vec2f u = random.next_2d();
-        const bool scatters = v.closure.sample(-ray.direction, Known::light, random.next_1d(), u,
-                                               sample);
+        const bool scatters =
+            v.closure.sample(-ray.direction, Known::light, random.next_1d(), u, sample);
         if (i > 0 && v.can_connect() && !(scatters && sample.component != non_delta)) {
             photon = {v.position, -ray.direction};
             return true;
@@ -94,13 +94,11 @@ std::vector<Photon> trace_photons(const Scene& scene, uint64_t key, int wanted) 
     for (uint32_t n = 0; n < eye_subpaths; ++n) {
         Sampler sampler(key, n, 8);
         const Vec2f u = sampler.next_2d();
-        trace_camera_subpath(
-            scene, sampler,
-            {u.x * float(scene.camera.width), u.y * float(scene.camera.height)},
-            longest_chain + 2, counters, path);
+        trace_camera_subpath(scene, sampler,
+                             {u.x * float(scene.camera.width), u.y * float(scene.camera.height)},
+                             longest_chain + 2, counters, path);
         for (int i = 2; i < path.count; ++i)
-            if (path[i - 1].component != non_delta && path[i].is_surface() &&
-                path[i].can_connect())
+            if (path[i - 1].component != non_delta && path[i].is_surface() && path[i].can_connect())
                 seen.push_back(path[i].position);
     }
     if (seen.empty()) return photons;

@@ -34,8 +34,8 @@ struct Grid {
                                          (1 << 20)) &
                    0x1fffff;
         };
-        return (coordinate(p.x) << 42 | coordinate(p.y) << 21 | coordinate(p.z)) |
-               uint64_t(1) << 63;
+        return (coordinate(p.x) << 42 | coordinate(p.y) << 21 | coordinate(p.z)) | uint64_t(1)
+                                                                                       << 63;
     }
 };
 

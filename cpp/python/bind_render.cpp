@@ -196,7 +196,7 @@ void bind_render(py::module_& module) {
              py::arg("scene"), py::kw_only(), py::arg("integrator") = "path",
              py::arg("samples") = 64, py::arg("depth") = 16, py::arg("seed") = 0,
              py::arg("filter") = "gaussian", py::arg("min_edges") = 1, py::arg("background") = true,
-             py::arg("direct_separately") = true, py::arg("two_stage") = false,
+             py::arg("direct_separately") = true, py::arg("two_stage") = true,
              py::arg("mutation_weights") = std::map<std::string, double>(),
              py::arg("error_layer") = true)
         .def_property_readonly("units_total", &Render::units_total)

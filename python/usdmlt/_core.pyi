@@ -39,7 +39,7 @@ class Render:
         min_edges: int = 1,
         background: bool = True,
         direct_separately: bool = True,
-        two_stage: bool = False,
+        two_stage: bool = True,
         mutation_weights: Mapping[str, float] = ...,
         error_layer: bool = True,
     ) -> None: ...

@@ -68,7 +68,7 @@ class Settings:
     error: bool = True
     mutation_weights: Mapping[str, float] | None = None
     direct: DirectName = "auto"
-    two_stage: bool = False
+    two_stage: bool = True
     embree_isa: EmbreeIsa = "avx2"
 
     def __post_init__(self) -> None:
