@@ -7,8 +7,8 @@ noise has mean 0 in it; R, in the denominator, is a third run. The same of the m
 16x16 pixels sees noise that comes in clumps, and the spread of the unscaled means over seeds a bad
 normalisation. Errors of all of them come from independent seeds.
 
-The reference is made by bidirectional path tracing. Where that is dominated by fireflies it is
-none, and chains with other seeds make it ("mlt"). Either way every integrator's rows say how far
+The reference is made by bidirectional path tracing. Where that is dominated by fireflies, or so
+noisy that R means nothing, it is none, and chains with other seeds make it ("mlt"). Either way every integrator's rows say how far
 its mean and its blocks are from those of the reference, in their standard errors.
 """
 
@@ -138,7 +138,7 @@ def samples_for(scene: Scene, integrator: IntegratorName, seconds: float, depth:
 
 
 def make_reference(scene: Scene, seconds: float, depth: int) -> Reference:
-    """Of the first integrator whose pictures fireflies do not dominate; else of the last.
+    """Of the first integrator whose pictures can be one; else of the last.
 
     ``seconds``: of processor time, for the whole of it. :class:`usdmlt.Error` where no light is
     found: there is nothing for errors to be relative to.
@@ -152,7 +152,7 @@ def make_reference(scene: Scene, seconds: float, depth: int) -> Reference:
         ]
         reference = Reference(integrator, [t.picture for t in timed], sum(t.seconds for t in timed))
         lit = np.any(reference.batches)
-        if lit and reference.fireflies < 0.5:
+        if lit and reference.fireflies < 0.5 and reference.rel_mse < 1:
             break
     if not lit:
         raise Error("no light was found that reaches the camera: there are no errors to compare")
