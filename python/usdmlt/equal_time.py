@@ -8,8 +8,9 @@ noise has mean 0 in it; R, in the denominator, is a third run. The same of the m
 normalisation. Errors of all of them come from independent seeds.
 
 The reference is made by bidirectional path tracing. Where that is dominated by fireflies, or so
-noisy that R means nothing, it is none, and chains with other seeds make it ("mlt"). Either way every integrator's rows say how far
-its mean and its blocks are from those of the reference, in their standard errors.
+noisy that R means nothing, it is none, and chains with other seeds make it ("mlt"). Either way
+every integrator's row says how far its mean and its blocks are from those of the reference, in
+their standard errors.
 """
 
 from __future__ import annotations
