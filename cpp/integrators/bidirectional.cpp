@@ -8,6 +8,7 @@ constexpr int stratified_pairs = 12;  // of each of the two subpaths
 // Adds to the sample's own pixel, and splats what light subpaths reach.
 struct FilmSink {
     const PixelFilter& filter;
+    float reduction;
     Film& film;
     int batch;
     Spectrum sum;
@@ -16,7 +17,8 @@ struct FilmSink {
     bool place(Vec2f raster, Sampler& sampler) {
         Vec2f offset;
         if (filter.kind != PixelFilter::Kind::box) offset = filter.offset(sampler.next_2d());
-        const float px = std::floor(raster.x - offset.x), py = std::floor(raster.y - offset.y);
+        const float px = std::floor((raster.x - offset.x) / reduction);
+        const float py = std::floor((raster.y - offset.y) / reduction);
         if (!(px >= 0 && py >= 0 && px < float(film.width()) && py < float(film.height())))
             return false;
         x = static_cast<int>(px);
@@ -37,7 +39,7 @@ void render_bidirectional_unit(const Scene& scene, const Settings& settings, con
                                int64_t index, StrategyScratch& scratch, Film& film,
                                UnitStatistics& statistics) {
     const Tiles::Unit unit = tiles.unit(index);
-    FilmSink sink{settings.filter, film, unit.batch(), {}};
+    FilmSink sink{settings.filter, float(settings.reduction), film, unit.batch(), {}};
     StrategySampler sampler(scene, settings, scratch, statistics, sink);
     for (int y = unit.y0; y < unit.y1; ++y)
         for (int x = unit.x0; x < unit.x1; ++x) {
@@ -46,7 +48,7 @@ void render_bidirectional_unit(const Scene& scene, const Settings& settings, con
             Sampler camera_sampler(key, unit.pass, stratified_pairs);
             Sampler light_sampler(hash_key(key, 1), unit.pass, stratified_pairs);
             const Vec2f jitter = camera_sampler.next_2d();
-            Vec2f raster = Vec2f{float(x), float(y)} + jitter;
+            Vec2f raster = (Vec2f{float(x), float(y)} + jitter) * float(settings.reduction);
             if (settings.filter.kind != PixelFilter::Kind::box)
                 raster = raster + settings.filter.offset(camera_sampler.next_2d());
             sink.sum = {};

@@ -12,7 +12,8 @@ constexpr int steps_per_chain = 128;
 constexpr double direct_samples_per_mutation = 1.0 / 4;
 
 constexpr double bootstrap_share = 0.25;  // of the rays of bootstrap and chains
-constexpr uint32_t pilot_samples = 4096;
+// A reduced render is a pilot itself.
+uint32_t pilot_samples_of(const Settings& settings) { return settings.reduction > 1 ? 1024 : 4096; }
 constexpr int pilot_steps = 64, trial_steps = 8;  // of as many chains as a unit has
 constexpr double photons_per_pixel = 2, least_photons = 0x1p12, most_photons = 0x1p17;
 constexpr double uniform_strategies = 0.1;
@@ -70,9 +71,9 @@ StrategyTable strategy_table(const Settings& paths, const std::vector<BootstrapE
     return StrategyTable(weights);
 }
 
-// The path traced part of the picture, a few samples per cell.
-void add_direct_light(const Scene& scene, const MetropolisPlan& plan, uint64_t key,
-                      PathTracerScratch& scratch, CoarsePicture& picture) {
+// The path traced part of the picture, a few samples per cell. Returns the rays it took.
+uint64_t add_direct_light(const Scene& scene, const MetropolisPlan& plan, uint64_t key,
+                          PathTracerScratch& scratch, CoarsePicture& picture) {
     constexpr uint32_t samples = 4 * CoarsePicture::count;
     UnitStatistics statistics(plan.direct.depth);
     for (uint32_t i = 0; i < samples; ++i) {
@@ -83,13 +84,15 @@ void add_direct_light(const Scene& scene, const MetropolisPlan& plan, uint64_t k
             trace_path(scene, plan.direct, sampler, raster, scratch, statistics, alpha);
         picture.add(raster, luminance(value) * CoarsePicture::count / samples);
     }
+    return rays_of(statistics.rays);
 }
 
-std::shared_ptr<const Guide> make_guide(const Scene& scene, const Settings& settings) {
-    const double pixels = double(scene.camera.width) * scene.camera.height;
+std::shared_ptr<const Guide> make_guide(const Scene& scene, const Settings& settings, double pixels,
+                                        RayCounters& rays) {
     const int subpaths =
         static_cast<int>(std::clamp(photons_per_pixel * pixels, least_photons, most_photons));
-    auto guide = std::make_shared<Guide>(trace_photons(scene, unit_key(settings, 1, 0), subpaths));
+    auto guide =
+        std::make_shared<Guide>(trace_photons(scene, unit_key(settings, 1, 0), subpaths, rays));
     return guide->empty() ? nullptr : guide;
 }
 
@@ -109,31 +112,39 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
         direct.depth = 1;
         direct.min_edges = 2;
     }
-    const double pixels = domain.image_area;
+    const Tiles tiles(scene.camera.width / settings.reduction,
+                      scene.camera.height / settings.reduction);
+    const double pixels = double(tiles.width) * tiles.height;
     const int mutations = static_cast<int>(
         std::clamp(pixels * mutations_per_pixel, double(least_mutations), double(most_mutations)));
     steps = steps_per_chain;
     chains = mutations / steps;
-    const Tiles tiles(scene.camera.width, scene.camera.height);
     direct_tiles =
         std::max(1, static_cast<int>(std::lround(mutations * direct_samples_per_mutation *
                                                  double(tiles.count()) / pixels)));
     if (!has_chains()) return;
 
-    guide = make_guide(scene, settings);
+    RayCounters photon_rays;
+    guide = make_guide(scene, settings, pixels, photon_rays);
+    pilot_rays = rays_of(photon_rays);
+    const uint32_t pilot_samples = pilot_samples_of(settings);
     bootstrap_samples = pilot_samples;
     strategies = strategy_table(paths, {});
-    if (settings.two_stage) {
+    {
         // The first stage: a coarse picture by chains of the plain target, and of the rest.
         MetropolisScratch scratch(scene, *this);
-        CoarsePicture picture(domain);
-        scratch.target.recorder.picture = &picture;
+        PilotNotes notes(domain);
+        scratch.target.recorder.pilot = &notes;
         const double b = scratch.bootstrap.draw(unit_key(settings, 1, 1), pilot_samples,
                                                 scratch.statistics.bootstrap);
         if (b > 0) run_chains(scratch, chains, pilot_steps, unit_key(settings, 1, 2));
+        CoarsePicture& picture = notes.picture;
         picture.scale(b * CoarsePicture::count / (double(chains) * pilot_steps));
-        add_direct_light(scene, *this, unit_key(settings, 1, 5), scratch.path, picture);
-        importance = ImportanceMap(picture);
+        pilot_rays +=
+            rays_of(scratch.statistics.bootstrap.rays) + rays_of(scratch.context.rays) +
+            add_direct_light(scene, *this, unit_key(settings, 1, 5), scratch.path, picture);
+        others = notes.errors(b, picture);
+        if (settings.two_stage) importance = ImportanceMap(picture);
     }
 
     // What a unit costs, and which strategies find the light.
@@ -148,6 +159,7 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
     run_chains(scratch, chains, trial_steps, unit_key(settings, 1, 4));
     const double rays_per_mutation =
         double(rays_of(scratch.context.rays)) / (double(chains) * trial_steps);
+    pilot_rays += rays_of(scratch.statistics.bootstrap.rays) + rays_of(scratch.context.rays);
     const double count = bootstrap_share / (1 - bootstrap_share) * double(mutations_per_unit()) *
                          rays_per_mutation / rays_per_sample;
     bootstrap_samples =
@@ -187,9 +199,13 @@ void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, cons
     counts.bootstrap_samples = plan.bootstrap_samples;
     counts.b = scratch.bootstrap.draw(hash_key(key, 0), plan.bootstrap_samples, counts.bootstrap);
     if (counts.b > 0) {
-        scratch.target.recorder = {
-            nullptr,         &film,    &plan.paths.filter,
-            &counts.classes, counts.b, static_cast<int>(index % Film::batches)};
+        scratch.target.recorder = {.pilot = nullptr,
+                                   .film = &film,
+                                   .filter = &plan.paths.filter,
+                                   .reduction = float(plan.paths.reduction),
+                                   .classes = &counts.classes,
+                                   .scale = counts.b,
+                                   .batch = static_cast<int>(index % Film::batches)};
         run_chains(scratch, plan.chains, plan.steps, key);
     }
     statistics.rays.closest += rays.closest + counts.bootstrap.rays.closest;

@@ -57,13 +57,15 @@ double PathTarget::ratio(int m, const State& x, const State& y) {
 }
 
 void PathTarget::deposit(const State& state, double weight) {
-    if (recorder.picture) recorder.picture->add(state.path.raster, weight * luminance(state.color));
+    if (recorder.pilot)
+        recorder.pilot->add(context_, state.path, state.target, weight * luminance(state.color),
+                            weight);
     if (!recorder.film) return;
     Vec2f offset;
     if (recorder.filter->kind != PixelFilter::Kind::box)
         offset = recorder.filter->offset(context_.random.next_2d());
-    const float px = std::floor(state.path.raster.x - offset.x);
-    const float py = std::floor(state.path.raster.y - offset.y);
+    const float px = std::floor((state.path.raster.x - offset.x) / recorder.reduction);
+    const float py = std::floor((state.path.raster.y - offset.y) / recorder.reduction);
     Film& film = *recorder.film;
     if (!(px >= 0 && py >= 0 && px < float(film.width()) && py < float(film.height()))) return;
     const Spectrum value = state.color * static_cast<float>(weight * recorder.scale);

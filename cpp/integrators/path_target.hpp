@@ -6,6 +6,7 @@
 #include "film/pixel_filter.hpp"
 #include "integrators/importance_map.hpp"
 #include "integrators/path_classes.hpp"
+#include "integrators/pilot_notes.hpp"
 #include "mutations/mutations.hpp"
 
 namespace usdmlt {
@@ -20,11 +21,12 @@ struct PathState {
     Spectrum color;       // f / f*
 };
 
-// What paths are recorded into: a film, or a pilot's coarse picture, or nothing.
+// What paths are recorded into: a film, or a pilot's notes, or nothing.
 struct PathRecorder {
-    CoarsePicture* picture = nullptr;
+    PilotNotes* pilot = nullptr;
     Film* film = nullptr;
     const PixelFilter* filter = nullptr;
+    float reduction = 1;  // see Settings
     PathClasses* classes = nullptr;
     double scale = 1;  // b of the unit
     int batch = 0;

@@ -123,7 +123,7 @@ void render_path_unit(const Scene& scene, const Settings& settings, const Tiles&
             const uint64_t pixel = uint64_t(y) * uint64_t(tiles.width) + uint64_t(x);
             Sampler sampler(hash_key(settings.seed, pixel), unit.pass, stratified_pairs);
             const Vec2f jitter = sampler.next_2d();
-            Vec2f raster = Vec2f{float(x), float(y)} + jitter;
+            Vec2f raster = (Vec2f{float(x), float(y)} + jitter) * float(settings.reduction);
             if (settings.filter.kind != PixelFilter::Kind::box)
                 raster = raster + settings.filter.offset(sampler.next_2d());
             float alpha;

@@ -78,11 +78,11 @@ void render_unit(const Scene& scene, const Settings& settings, const MetropolisP
 Render::Render(std::shared_ptr<const Scene> scene, const Settings& settings)
     : scene_(std::move(scene)),
       settings_(settings),
-      tiles_(scene_->camera.width, scene_->camera.height),
+      tiles_(scene_->camera.width / settings.reduction, scene_->camera.height / settings.reduction),
       metropolis_(settings.integrator == IntegratorKind::metropolis
                       ? std::make_unique<MetropolisPlan>(*scene_, settings)
                       : nullptr),
-      film_(scene_->camera.width, scene_->camera.height, film_scale(*scene_, settings),
+      film_(tiles_.width, tiles_.height, film_scale(*scene_, settings),
             settings.integrator != IntegratorKind::path, settings.error_layer),
       statistics_(settings.depth) {
     settings_.background = settings.background && scene_->background;

@@ -19,6 +19,7 @@ struct Settings {
     PixelFilter filter;
     bool background = true;   // environments are seen directly by the camera
     bool error_layer = true;  // the film keeps what the standard error needs
+    int reduction = 1;  // pixels of the film are squares of so many of the camera's: for pilots
 
     // Metropolis only.
     bool direct_separately = true;         // paths of up to two edges by path tracing

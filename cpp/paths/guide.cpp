@@ -83,10 +83,10 @@ void set_cones(DirectionGuide& cell) {
 
 }  // namespace
 
-std::vector<Photon> trace_photons(const Scene& scene, uint64_t key, int wanted) {
+std::vector<Photon> trace_photons(const Scene& scene, uint64_t key, int wanted,
+                                  RayCounters& counters) {
     std::vector<Photon> photons;
     if (scene.lights.empty()) return photons;
-    RayCounters counters;
 
     // Where the eye needs them: cells of a coarse grid.
     std::vector<Vec3f> seen;

@@ -19,8 +19,9 @@ struct Photon {
 };
 
 // Photons L S+ D where walks from the eye arrive by way of Dirac vertices, E … S+ D: about `wanted`
-// light subpaths of the stream `key`. Most start near others that were successful.
-std::vector<Photon> trace_photons(const Scene& scene, uint64_t key, int wanted);
+// light subpaths of the stream `key`. Half of them start near others that were successful.
+std::vector<Photon> trace_photons(const Scene& scene, uint64_t key, int wanted,
+                                  RayCounters& counters);
 
 // Cells of a grid by a number that is never 0: 21 bits of each coordinate.
 struct Grid {

@@ -15,7 +15,8 @@ namespace {
 Settings make_settings(const std::string& integrator, int samples, int depth, uint64_t seed,
                        const std::string& filter, int min_edges, bool background,
                        bool direct_separately, bool two_stage,
-                       const std::map<std::string, double>& mutation_weights, bool error_layer) {
+                       const std::map<std::string, double>& mutation_weights, bool error_layer,
+                       int reduction) {
     Settings s;
     if (integrator == "bdpt")
         s.integrator = IntegratorKind::bidirectional;
@@ -37,6 +38,7 @@ Settings make_settings(const std::string& integrator, int samples, int depth, ui
     s.direct_separately = direct_separately;
     s.two_stage = two_stage;
     s.error_layer = error_layer;
+    s.reduction = reduction;
     if (!mutation_weights.empty()) {
         s.mutation_weights.assign(mutation_count, 0);
         for (const auto& [name, weight] : mutation_weights) {
@@ -128,6 +130,10 @@ py::dict metropolis_stats(const Render& render) {
     out["b_error"] = s.b_error(scale);
     out["bootstrap_samples"] = s.bootstrap_samples;
     out["bootstrap_rays"] = s.bootstrap_rays;
+    out["pilot_rays"] = plan.pilot_rays;
+    // Of the others, by the pilot: what `auto` decides by.
+    out["path_error"] = py::make_tuple(plan.others.path, plan.others.path_notes);
+    out["bdpt_error"] = py::make_tuple(plan.others.bidirectional, plan.others.bidirectional_notes);
     out["chains"] = s.units * uint64_t(plan.chains);
     out["longest_rejection"] = s.chains.longest_rejection;
     out["mutation"] = mutations;
@@ -186,10 +192,11 @@ void bind_render(py::module_& module) {
         .def(py::init([](std::shared_ptr<Scene> scene, const std::string& integrator, int samples,
                          int depth, uint64_t seed, const std::string& filter, int min_edges,
                          bool background, bool direct_separately, bool two_stage,
-                         const std::map<std::string, double>& mutation_weights, bool error_layer) {
-                 const Settings settings =
-                     make_settings(integrator, samples, depth, seed, filter, min_edges, background,
-                                   direct_separately, two_stage, mutation_weights, error_layer);
+                         const std::map<std::string, double>& mutation_weights, bool error_layer,
+                         int reduction) {
+                 const Settings settings = make_settings(
+                     integrator, samples, depth, seed, filter, min_edges, background,
+                     direct_separately, two_stage, mutation_weights, error_layer, reduction);
                  const py::gil_scoped_release release;
                  return std::make_unique<Render>(std::move(scene), settings);
              }),
@@ -198,7 +205,7 @@ void bind_render(py::module_& module) {
              py::arg("filter") = "gaussian", py::arg("min_edges") = 1, py::arg("background") = true,
              py::arg("direct_separately") = true, py::arg("two_stage") = true,
              py::arg("mutation_weights") = std::map<std::string, double>(),
-             py::arg("error_layer") = true)
+             py::arg("error_layer") = true, py::arg("reduction") = 1)
         .def_property_readonly("units_total", &Render::units_total)
         .def_property_readonly("units_done", &Render::units_done)
         .def_property_readonly("samples_per_unit", &samples_per_unit,

@@ -42,6 +42,7 @@ class Render:
         two_stage: bool = True,
         mutation_weights: Mapping[str, float] = ...,
         error_layer: bool = True,
+        reduction: int = 1,
     ) -> None: ...
     @property
     def units_total(self) -> int: ...

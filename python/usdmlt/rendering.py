@@ -14,6 +14,7 @@ import numpy as np
 
 from usdmlt import color, native
 from usdmlt._version import __version__
+from usdmlt.choice import choose
 from usdmlt.errors import UsageError, Warning
 from usdmlt.image import Image
 from usdmlt.interruption import Interruption
@@ -69,7 +70,10 @@ class Rendering:
         color.rendering_space(scene.color_space)  # the picture's file has to name it
         started = perf_counter()
         self._core_scene = native.build_scene(scene, settings.embree_isa)
-        self.integrator: ResolvedIntegrator = resolve_integrator(settings)
+        self.choice = choose(self._core_scene, settings)
+        self.integrator: ResolvedIntegrator = self.choice.integrator
+        if settings.integrator == "auto":
+            logger.info("auto: %s (%s)", self.integrator, self.choice.reason)
         self._render = native.plan_render(self._core_scene, settings, self.integrator)
         self._unreachable = unreachable_light(scene, self._core_scene, settings.depth)
         self._seconds_building = perf_counter() - started
@@ -150,6 +154,7 @@ class Rendering:
         spent = measured["mutations" if self.integrator == "mlt" else "samples"]
         return {
             "integrator": self.integrator,
+            "choice": asdict(self.choice),
             **measured,
             "units_done": self.units_done,
             "units_total": self.units_total,
@@ -169,13 +174,6 @@ class Rendering:
         return Progress(
             units_done, self.units_total, self._render.samples_per_unit, seconds, samples_are
         )
-
-
-def resolve_integrator(settings: Settings) -> ResolvedIntegrator:
-    """The integrator that ``settings`` ask for; of ``"auto"``, the one that suits them."""
-    if settings.integrator != "auto":
-        return settings.integrator
-    return "path" if settings.mutations is None else "mlt"
 
 
 def render(

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from usdmlt import Rendering, Settings, load
-from usdmlt.rendering import resolve_integrator
 from usdmlt.settings import MUTATIONS, check_resolution
 
 
@@ -53,12 +52,6 @@ def test_values_out_of_range_are_named(settings: dict, complaint: str) -> None:
 def test_impossible_image_sizes_are_refused(size: tuple[int | None, int | None]) -> None:
     with pytest.raises(ValueError, match=r"(width|height) must be between 1 and"):
         check_resolution(*size)
-
-
-def test_auto_is_path_tracing_unless_mutations_are_asked_for() -> None:
-    assert resolve_integrator(Settings()) == "path"
-    assert resolve_integrator(Settings(mutations=8)) == "mlt"
-    assert resolve_integrator(Settings(integrator="bdpt")) == "bdpt"
 
 
 def test_the_mutations_are_those_of_the_core(stage: Path) -> None:

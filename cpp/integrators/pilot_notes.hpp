@@ -1,0 +1,45 @@
+// What the first chains of a pilot tell: a coarse picture, and how other integrators would fare.
+//
+// An estimator f/p of density p has the second moment ∫ f²/p, which chains that visit paths ∝ f*
+// estimate without ever sampling p:
+//     ∫ W f*²/p = b E[W f*/p],      p = Σ_s p_s over the strategies that the integrator combines
+// (as the balance heuristic has it). Rare bright samples, which a pilot of the integrator itself
+// would most likely miss, are where these chains are.
+#pragma once
+
+#include "integrators/importance_map.hpp"
+
+namespace usdmlt {
+
+class PilotNotes {
+public:
+    explicit PilotNotes(const RasterDomain& domain) : picture(domain) {}
+
+    CoarsePicture picture;
+
+    // `brightness`: of the deposit; `weight`: the steps it stands for.
+    void add(const MutationContext& context, const Path& path, const ScaledDouble& target,
+             double brightness, double weight);
+
+    // Error of path tracing and of bidirectional path tracing at one sample per pixel, relative as
+    // var / (R² + ε), of the light that the chains carry; `b`: of the chains' target; R: the
+    // finished picture.
+    // `…_notes`: of how many of the chains' paths they are made, (Σ e)²/Σ e².
+    struct Errors {
+        double path = 0, bidirectional = 0;
+        double path_notes = 0, bidirectional_notes = 0;
+    };
+    Errors errors(double b, const CoarsePicture& finished) const;
+
+private:
+    struct Note {
+        size_t cell;
+        double weight, path, bidirectional;  // f*/p
+    };
+    // Densities cost much beside a mutation.
+    static constexpr uint32_t interval = 8;
+    uint32_t count_ = 0;
+    std::vector<Note> notes_;
+};
+
+}  // namespace usdmlt
