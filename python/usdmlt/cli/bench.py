@@ -126,7 +126,7 @@ def _speed(
 
     print(
         f"{'':<28}{'samples/s':>12}{'rays each':>10}{'rays/s':>10}{'Embree alone':>14}"
-        f"{'ratio':>7}{'relMSE*s':>10}{'mean':>11}"
+        f"{'ratio':>7}{'relMSE*s':>11}{'mean':>9}"
     )
     for integrator in integrators:
         row = benchmark.measure(scene, integrator, arguments.samples, arguments.depth)
@@ -151,7 +151,7 @@ def _speed_line(row: benchmark.Measurement) -> str:
         )
     else:
         line += " " * 41
-    return line + f"{row.rel_mse_seconds:>10.4f}{row.mean:>11.4g}"
+    return line + f"{row.rel_mse_seconds:>11.4g}{row.mean:>9.4f}"
 
 
 def _equal_time(
