@@ -132,8 +132,9 @@ py::dict metropolis_stats(const Render& render) {
     out["bootstrap_rays"] = s.bootstrap_rays;
     out["pilot_rays"] = plan.pilot_rays;
     // Of the others, by the pilot: what `auto` decides by.
-    out["path_error"] = py::make_tuple(plan.others.path, plan.others.path_notes);
-    out["bdpt_error"] = py::make_tuple(plan.others.bidirectional, plan.others.bidirectional_notes);
+    out["path_error"] = std::vector<double>{plan.others.path, plan.others.path_notes};
+    out["bdpt_error"] =
+        std::vector<double>{plan.others.bidirectional, plan.others.bidirectional_notes};
     out["chains"] = s.units * uint64_t(plan.chains);
     out["longest_rejection"] = s.chains.longest_rejection;
     out["mutation"] = mutations;

@@ -72,8 +72,6 @@ class Rendering:
         self._core_scene = native.build_scene(scene, settings.embree_isa)
         self.choice = choose(self._core_scene, settings)
         self.integrator: ResolvedIntegrator = self.choice.integrator
-        if settings.integrator == "auto":
-            logger.info("auto: %s (%s)", self.integrator, self.choice.reason)
         self._render = native.plan_render(self._core_scene, settings, self.integrator)
         self._unreachable = unreachable_light(scene, self._core_scene, settings.depth)
         self._seconds_building = perf_counter() - started
@@ -232,6 +230,8 @@ def render(
             strict=strict,
         )
     rendering = Rendering(scene, resolved)
+    if resolved.integrator == "auto":
+        logger.info("auto: %s (%s)", rendering.integrator, rendering.choice.reason)
     with Interruption(signal.SIGINT) as interruption:
         rendering.run(progress, stop=lambda: bool(interruption))
     if interruption:

@@ -30,8 +30,8 @@ class Settings:
     """Settings of a render; values out of range raise ValueError.
 
     ``integrator``: ``"path"`` (path tracing), ``"bdpt"`` (bidirectional path tracing), ``"mlt"``
-    (Metropolis light transport) or ``"auto"``: ``"mlt"`` where mutations are asked for, else
-    ``"path"``.
+    (Metropolis light transport) or ``"auto"``: the one that suits the scene, by short pilots
+    (:mod:`usdmlt.choice`); ``"mlt"`` where mutations are asked for.
     ``samples``: per pixel, of whichever integrator runs: mutations for ``"mlt"``. None: 64, or as
     many as ``time`` allows.
     ``mutations``: the same for ``"mlt"`` alone. The render ends with a whole unit of work, so a
@@ -53,8 +53,8 @@ class Settings:
     None: chosen for the scene.
     ``direct``: who renders light that is seen directly or after one bounce: path tracing
     (``"separate"``) or the mutations (``"mlt"``); ``"auto"`` is ``"separate"``.
-    ``two_stage``: whether a coarse picture is rendered first, so that dark parts get as much work
-    as bright ones.
+    ``two_stage``: whether dark parts get nearly as much work as bright ones, by a coarse picture
+    that is made first.
     """
 
     integrator: IntegratorName = "auto"

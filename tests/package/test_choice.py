@@ -10,7 +10,6 @@ import usdmlt
 from usdmlt import native
 from usdmlt.choice import PILOT_RAYS, RAYS_PER_SAMPLE, SHARE, Choice, choose
 from usdmlt.cli.bench import shipped_scenes
-from usdmlt.rendering import Rendering
 from usdmlt.settings import Settings
 
 SCENES = {path.rsplit("/", 1)[-1].removesuffix(".usda"): path for path in shipped_scenes()}
@@ -63,6 +62,6 @@ def test_direct_light_alone_is_path_traced() -> None:
 
 def test_it_is_said_what_was_chosen(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO, "usdmlt"):
-        rendering = Rendering(usdmlt.load(SCENES["pool"], width=256), Settings(samples=256))
-    assert "auto: mlt" in caplog.text
-    assert rendering.stats()["choice"]["integrator"] == "mlt"
+        image = usdmlt.render(SCENES["pool"], width=64, samples=4)
+    assert "auto: path (the render is too short" in caplog.text
+    assert image.stats["choice"]["integrator"] == "path"

@@ -53,7 +53,7 @@ def add_parser(subparsers: Any) -> None:
         choices=get_args(IntegratorName),
         default=defaults.integrator,
         help="path tracing, bidirectional path tracing or Metropolis light transport (default: "
-        "auto, which is mlt where --mutations are given and else path)",
+        "auto, the best for the scene as short pilots show)",
     )
     how.add_argument(
         "--samples",
@@ -118,7 +118,7 @@ def add_parser(subparsers: Any) -> None:
         "--two-stage",
         action=argparse.BooleanOptionalAction,
         default=defaults.two_stage,
-        help="render a coarse picture first, so that dark parts get as much work as bright ones",
+        help="make a coarse picture first, so that dark parts get nearly as much work as bright ones (default: yes)",
     )
     report = parser.add_argument_group("what is reported")
     report.add_argument(
@@ -224,9 +224,10 @@ def _description(stage: str, rendering: Rendering) -> str:
         limits.append(f"{settings.resolved_samples} {_samples(rendering)}")
     if settings.time is not None:
         limits.append(f"{settings.time:g} s")
+    why = f" (auto: {rendering.choice.reason})" if settings.integrator == "auto" else ""
     return (
         f"{stage}: camera {scene.camera.name or '(automatic)'}, {scene.width}x{scene.height}, "
-        f"{rendering.integrator}, {' or '.join(limits)}, depth {settings.depth}, "
+        f"{rendering.integrator}{why}, {' or '.join(limits)}, depth {settings.depth}, "
         f"{settings.filter} filter, seed {settings.seed}, threads {settings.resolved_threads}"
     )
 
