@@ -87,6 +87,27 @@ uint64_t add_direct_light(const Scene& scene, const MetropolisPlan& plan, uint64
     return rays_of(statistics.rays);
 }
 
+// Whether path tracing finds direct light too seldom: at few places, or nowhere. A small hole is
+// like that; what is seen or lit as usual is found almost everywhere.
+bool direct_light_is_rare(const Scene& scene, const Settings& settings) {
+    constexpr uint32_t places = 4096, fewest = places / 64;
+    Settings direct = settings;
+    direct.depth = std::min(settings.depth, 2);
+    direct.min_edges = 1;
+    direct.background = settings.background && scene.background;
+    PathTracerScratch scratch;
+    UnitStatistics statistics(direct.depth);
+    uint32_t lit = 0;
+    for (uint32_t i = 0; i < places; ++i) {
+        Sampler sampler(unit_key(settings, 1, 6), i, 8);
+        const Vec2f u = sampler.next_2d();
+        const Vec2f raster{u.x * float(scene.camera.width), u.y * float(scene.camera.height)};
+        float alpha;
+        lit += !is_black(trace_path(scene, direct, sampler, raster, scratch, statistics, alpha));
+    }
+    return lit < fewest;
+}
+
 std::shared_ptr<const Guide> make_guide(const Scene& scene, const Settings& settings, double pixels,
                                         RayCounters& rays) {
     const int subpaths =
@@ -99,12 +120,14 @@ std::shared_ptr<const Guide> make_guide(const Scene& scene, const Settings& sett
 }  // namespace
 
 MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
-    : paths(settings),
+    : direct_separately(settings.direct_separately &&
+                        !(settings.direct_by_pilot && direct_light_is_rare(scene, settings))),
+      paths(settings),
       direct(settings),
       domain(scene.camera.width, scene.camera.height, settings.filter.reach()),
       mutation_weights(settings.mutation_weights.empty() ? default_weights
                                                          : settings.mutation_weights) {
-    if (settings.direct_separately) {
+    if (direct_separately) {
         paths.min_edges = std::max(settings.min_edges, 3);
         direct.depth = std::min(settings.depth, 2);
     } else {

@@ -23,6 +23,7 @@ struct Settings {
 
     // Metropolis only.
     bool direct_separately = true;         // paths of up to two edges by path tracing
+    bool direct_by_pilot = false;          // unless a pilot shows that it finds them too seldom
     bool two_stage = true;                 // the target is divided by a coarse picture
     std::vector<double> mutation_weights;  // by mutation; empty: the pilot decides
 };

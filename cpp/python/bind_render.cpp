@@ -16,7 +16,7 @@ Settings make_settings(const std::string& integrator, int samples, int depth, ui
                        const std::string& filter, int min_edges, bool background,
                        bool direct_separately, bool two_stage,
                        const std::map<std::string, double>& mutation_weights, bool error_layer,
-                       int reduction) {
+                       int reduction, bool direct_by_pilot) {
     Settings s;
     if (integrator == "bdpt")
         s.integrator = IntegratorKind::bidirectional;
@@ -39,6 +39,7 @@ Settings make_settings(const std::string& integrator, int samples, int depth, ui
     s.two_stage = two_stage;
     s.error_layer = error_layer;
     s.reduction = reduction;
+    s.direct_by_pilot = direct_by_pilot;
     if (!mutation_weights.empty()) {
         s.mutation_weights.assign(mutation_count, 0);
         for (const auto& [name, weight] : mutation_weights) {
@@ -131,6 +132,7 @@ py::dict metropolis_stats(const Render& render) {
     out["bootstrap_samples"] = s.bootstrap_samples;
     out["bootstrap_rays"] = s.bootstrap_rays;
     out["pilot_rays"] = plan.pilot_rays;
+    out["direct"] = plan.direct_separately ? "separate" : "mlt";
     // Of the others, by the pilot: what `auto` decides by.
     out["path_error"] = std::vector<double>{plan.others.path, plan.others.path_notes};
     out["bdpt_error"] =
@@ -194,10 +196,11 @@ void bind_render(py::module_& module) {
                          int depth, uint64_t seed, const std::string& filter, int min_edges,
                          bool background, bool direct_separately, bool two_stage,
                          const std::map<std::string, double>& mutation_weights, bool error_layer,
-                         int reduction) {
-                 const Settings settings = make_settings(
-                     integrator, samples, depth, seed, filter, min_edges, background,
-                     direct_separately, two_stage, mutation_weights, error_layer, reduction);
+                         int reduction, bool direct_by_pilot) {
+                 const Settings settings =
+                     make_settings(integrator, samples, depth, seed, filter, min_edges, background,
+                                   direct_separately, two_stage, mutation_weights, error_layer,
+                                   reduction, direct_by_pilot);
                  const py::gil_scoped_release release;
                  return std::make_unique<Render>(std::move(scene), settings);
              }),
@@ -206,7 +209,8 @@ void bind_render(py::module_& module) {
              py::arg("filter") = "gaussian", py::arg("min_edges") = 1, py::arg("background") = true,
              py::arg("direct_separately") = true, py::arg("two_stage") = true,
              py::arg("mutation_weights") = std::map<std::string, double>(),
-             py::arg("error_layer") = true, py::arg("reduction") = 1)
+             py::arg("error_layer") = true, py::arg("reduction") = 1,
+             py::arg("direct_by_pilot") = false)
         .def_property_readonly("units_total", &Render::units_total)
         .def_property_readonly("units_done", &Render::units_done)
         .def_property_readonly("samples_per_unit", &samples_per_unit,

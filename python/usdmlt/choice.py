@@ -89,7 +89,8 @@ def choose(core_scene: _core.Scene, settings: Settings) -> Choice:
             seed=(settings.seed ^ PILOT_SEED) + number * 2**32,
             filter="box",
             error_layer=False,
-            direct_separately=settings.direct != "mlt",
+            direct_separately=settings.direct_separately,
+            direct_by_pilot=settings.direct == "auto",
             two_stage=settings.two_stage,
             reduction=reduction,
         )

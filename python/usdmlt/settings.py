@@ -52,7 +52,8 @@ class Settings:
     ``caustic``, ``multi_chain``, ``lens_subpath``; one of the first two has to be among them.
     None: chosen for the scene.
     ``direct``: who renders light that is seen directly or after one bounce: path tracing
-    (``"separate"``) or the mutations (``"mlt"``); ``"auto"`` is ``"separate"``.
+    (``"separate"``) or the mutations (``"mlt"``); ``"auto"`` is
+    ``"separate"`` unless a pilot shows that path tracing finds it too seldom.
     ``two_stage``: whether dark parts get nearly as much work as bright ones, by a coarse picture
     that is made first.
     """

@@ -104,7 +104,7 @@ def test_mlt_says_and_writes_how_many_mutations_there_were(
 def test_mutations_alone_ask_for_mlt(usdmlt_command: Run, stage: Path) -> None:
     done = usdmlt_command("render", stage, "a.png", "-w", 32, "--mutations", 16)
     assert done.returncode == 0, done.stderr
-    assert "mlt, 16 mutations per pixel" in done.stderr
+    assert "mlt (auto: mutations are asked for), 16 mutations per pixel" in done.stderr
 
 
 def test_a_time_limit_ends_mlt(usdmlt_command: Run, stage: Path, tmp_path: Path) -> None:

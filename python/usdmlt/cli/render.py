@@ -112,13 +112,13 @@ def add_parser(subparsers: Any) -> None:
         choices=get_args(DirectName),
         default=defaults.direct,
         help="who renders direct light: the mutations (mlt) or path tracing (separate) "
-        "(default: auto, which is separate)",
+        "(default: auto, separate unless path tracing finds it too seldom)",
     )
     mlt.add_argument(
         "--two-stage",
         action=argparse.BooleanOptionalAction,
         default=defaults.two_stage,
-        help="make a coarse picture first, so that dark parts get nearly as much work as bright ones (default: yes)",
+        help="make a coarse picture first, so that dark parts get nearly as much work",
     )
     report = parser.add_argument_group("what is reported")
     report.add_argument(
