@@ -81,6 +81,11 @@ struct Camera {
     // Orthographic: area density of the ray's origin on the film plane.
     double pdf_origin() const { return 1 / window_area(); }
 
+    // Of the ray in either measure: direction, or origin for an orthographic camera.
+    double pdf_ray(Vec3f direction) const {
+        return orthographic ? pdf_origin() : pdf_direction(direction);
+    }
+
     // We towards a direction: p_lens·p_ω/cosθ, or 1/A for an orthographic camera.
     double importance(Vec3f direction) const {
         if (orthographic) return pdf_origin();

@@ -113,14 +113,13 @@ void Bootstrap::sample(uint32_t index, Sink& sink, UnitStatistics& statistics, V
 double Bootstrap::draw(uint64_t key, uint32_t count, UnitStatistics& statistics) {
     key_ = key;
     entries_.clear();
-    total_ = squares_ = 0;
+    total_ = 0;
     EntrySink sink{context_.domain, importance_, entries_, 0, {}, {}, 0};
     for (uint32_t i = 0; i < count; ++i) {
         sink.index = i;
         sink.sum = 0;
         sample(i, sink, statistics, sink.raster);
         total_ += sink.sum;
-        squares_ += sink.sum * sink.sum;
     }
     return total_ / count;
 }

@@ -30,7 +30,6 @@ public:
     double draw(uint64_t key, uint32_t count, UnitStatistics& statistics);
 
     const std::vector<BootstrapEntry>& entries() const { return entries_; }
-    double sum_of_squares() const { return squares_; }  // of the samples' sums of v
 
     // Indices into entries() of `count` starts, by one offset u in [0, 1).
     void choose_starts(int count, double u, std::vector<size_t>& starts);
@@ -51,7 +50,7 @@ private:
     StrategyScratch scratch_;
     Path path_;  // scratch
     uint64_t key_ = 0;
-    double total_ = 0, squares_ = 0;
+    double total_ = 0;
     std::vector<BootstrapEntry> entries_;
 };
 

@@ -26,8 +26,6 @@ namespace usdmlt {
 // P(m | set of mutations that apply).
 class MutationSelection {
 public:
-    static constexpr int most = 12;
-
     explicit MutationSelection(const std::vector<double>& weights) : weights_(weights) {
         totals_.resize(size_t(1) << weights.size());
         for (size_t mask = 0; mask < totals_.size(); ++mask)

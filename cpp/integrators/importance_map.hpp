@@ -73,7 +73,6 @@ public:
     double weight(Vec2f raster) const {
         return weight_.empty() ? 1 : weight_[picture_->cell(raster)];
     }
-    bool active() const { return !weight_.empty(); }
 
 private:
     std::optional<CoarsePicture> picture_;

@@ -94,7 +94,6 @@ bool direct_light_is_rare(const Scene& scene, const Settings& settings) {
     Settings direct = settings;
     direct.depth = std::min(settings.depth, 2);
     direct.min_edges = 1;
-    direct.background = settings.background && scene.background;
     PathTracerScratch scratch;
     UnitStatistics statistics(direct.depth);
     uint32_t lit = 0;
@@ -172,9 +171,9 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
 
     // What a unit costs, and which strategies find the light.
     MetropolisScratch scratch(scene, *this);
-    pilot_b = scratch.bootstrap.draw(unit_key(settings, 1, 3), pilot_samples,
-                                     scratch.statistics.bootstrap);
-    if (!(pilot_b > 0)) return;
+    if (!(scratch.bootstrap.draw(unit_key(settings, 1, 3), pilot_samples,
+                                 scratch.statistics.bootstrap) > 0))
+        return;
     strategies = strategy_table(paths, scratch.bootstrap.entries());
     scratch.context.strategies = strategies;
     const double rays_per_sample =
@@ -192,7 +191,7 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
 MetropolisScratch::MetropolisScratch(const Scene& scene, const MetropolisPlan& plan)
     : context(scene, plan.domain, plan.paths.min_edges, plan.paths.depth),
       bootstrap(scene, plan.paths, context, plan.importance),
-      target(context, plan.importance, plan.paths.background && scene.background),
+      target(context, plan.importance, plan.paths.background),
       selection(plan.mutation_weights),
       statistics(plan.paths.depth) {
     context.strategies = plan.strategies;

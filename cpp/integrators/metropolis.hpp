@@ -38,7 +38,6 @@ struct MetropolisPlan {
     StrategyTable strategies;
     std::shared_ptr<const Guide> guide;  // of walks from the eye; null: there is nothing to guide
     ImportanceMap importance;
-    double pilot_b = 0;
     uint64_t pilot_rays = 0;
     PilotNotes::Errors others;  // errors of the other integrators on the chains' light
 };

@@ -1,5 +1,7 @@
 #include "integrators/path_target.hpp"
 
+#include <limits>
+
 namespace usdmlt {
 
 bool PathTarget::evaluate(State& state) {
@@ -51,8 +53,8 @@ double PathTarget::ratio(int m, const State& x, const State& y) {
         back = M::density(context_, y.path, x.path, reversed);
         return true;
     });
-    if (!std::isfinite(forward.mantissa) || !std::isfinite(back.mantissa)) ++non_finite_;
-    if (!forward.is_positive()) return 0;
+    if (forward.mantissa == 0) return 0;  // rounding at the end of a range
+    if (!std::isfinite(forward.mantissa)) return std::numeric_limits<double>::quiet_NaN();
     return usdmlt::ratio(y.target * back, x.target * forward);
 }
 

@@ -71,7 +71,7 @@ private:
     bool background_;
     uint32_t enabled_ = ~0u;
     Change change_;
-    uint64_t non_finite_ = 0;  // proposals with a contribution or density that is none
+    uint64_t non_finite_ = 0;  // proposals whose contribution is none
 };
 
 }  // namespace usdmlt

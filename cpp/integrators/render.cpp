@@ -42,6 +42,12 @@ double thread_cpu_seconds() {
 #endif
 }
 
+// Before anything is planned, so that all parts of a render go by the same.
+Settings resolve(const Scene& scene, Settings settings) {
+    settings.background = settings.background && scene.background;
+    return settings;
+}
+
 // Memory of one rendering thread.
 struct ThreadState {
     PathTracerScratch path;
@@ -77,16 +83,15 @@ void render_unit(const Scene& scene, const Settings& settings, const MetropolisP
 
 Render::Render(std::shared_ptr<const Scene> scene, const Settings& settings)
     : scene_(std::move(scene)),
-      settings_(settings),
-      tiles_(scene_->camera.width / settings.reduction, scene_->camera.height / settings.reduction),
-      metropolis_(settings.integrator == IntegratorKind::metropolis
-                      ? std::make_unique<MetropolisPlan>(*scene_, settings)
+      settings_(resolve(*scene_, settings)),
+      tiles_(scene_->camera.width / settings_.reduction,
+             scene_->camera.height / settings_.reduction),
+      metropolis_(settings_.integrator == IntegratorKind::metropolis
+                      ? std::make_unique<MetropolisPlan>(*scene_, settings_)
                       : nullptr),
-      film_(tiles_.width, tiles_.height, film_scale(*scene_, settings),
-            settings.integrator != IntegratorKind::path, settings.error_layer),
-      statistics_(settings.depth) {
-    settings_.background = settings.background && scene_->background;
-}
+      film_(tiles_.width, tiles_.height, film_scale(*scene_, settings_),
+            settings_.integrator != IntegratorKind::path, settings_.error_layer),
+      statistics_(settings_.depth) {}
 
 int64_t Render::units_total() const {
     if (!metropolis_) return tiles_.count() * settings_.samples;

@@ -1,6 +1,6 @@
 #include "mutations/lens_perturbation.hpp"
 
-namespace usdmlt::lens_walk {
+namespace usdmlt {
 namespace {
 
 // Distances that the lens point moves, in scene units.
@@ -18,7 +18,10 @@ double distance(Vec2f a, Vec2f b) { return std::hypot(double(a.x) - b.x, double(
 
 }  // namespace
 
-bool propose(MutationContext& context, const Path& x, const Walk& walk, Path& y, Change& change) {
+template <bool inner_chains>
+bool LensWalk<inner_chains>::propose(MutationContext& context, const Path& x, Path& y,
+                                     Change& change) {
+    const Walk walk = find_walk(x, Known::eye, x.edges());
     const Scene& scene = context.scene;
     const Camera& camera = scene.camera;
     RandomStream& random = context.random;
@@ -46,14 +49,15 @@ bool propose(MutationContext& context, const Path& x, const Walk& walk, Path& y,
     if (moves_lens) camera_vertex(scene, lens, fresh(y, k));
     y.raster = raster;
     const Ray ray = camera_ray(camera, raster, lens);
-    pdf *= camera.orthographic ? camera.pdf_origin() : camera.pdf_direction(ray.direction);
+    pdf *= camera.pdf_ray(ray.direction);
     if (!trace_walk(context, x, walk, ray, pdf, y)) return false;
     if (walk.end > 0) y.at(walk.end).edge = 1;
     return true;
 }
 
-ScaledDouble density(const MutationContext& context, const Path& x, const Path& y,
-                     const Change& change, const Walk& walk) {
+template <bool inner_chains>
+ScaledDouble LensWalk<inner_chains>::density(const MutationContext& context, const Path& x,
+                                             const Path& y, const Change& change) {
     const Camera& camera = context.scene.camera;
     const int k = y.edges();
     const double r = distance(x.raster, y.raster);
@@ -65,7 +69,10 @@ ScaledDouble density(const MutationContext& context, const Path& x, const Path& 
                            lens_range(camera).pdf_plane(length(y[k].position - x[k].position))
                      : 1 - lens_probability;
     }
-    return walk_density(context, x, y, walk, first);
+    return walk_density(context, x, y, find_walk(x, Known::eye, k), first);
 }
 
-}  // namespace usdmlt::lens_walk
+template struct LensWalk<false>;
+template struct LensWalk<true>;
+
+}  // namespace usdmlt

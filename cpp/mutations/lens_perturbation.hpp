@@ -11,29 +11,21 @@
 
 namespace usdmlt {
 
-// The part that lens and multi-chain perturbations share.
-namespace lens_walk {
-
-bool propose(MutationContext& context, const Path& x, const Walk& walk, Path& y, Change& change);
-ScaledDouble density(const MutationContext& context, const Path& x, const Path& y,
-                     const Change& change, const Walk& walk);
-
-}  // namespace lens_walk
-
-struct LensPerturbation {
-    static constexpr const char* name = "lens";
-
+// What lens and multi-chain perturbations share: the walk from the lens, which has inner chains, at
+// whose start the direction is perturbed as well, or none.
+template <bool inner_chains>
+struct LensWalk {
     static bool applies(const MutationContext&, const Path& x) {
         const Walk walk = find_walk(x, Known::eye, x.edges());
-        return walk.found() && walk.chains == 0;
+        return walk.found() && (walk.chains > 0) == inner_chains;
     }
-    static bool propose(MutationContext& context, const Path& x, Path& y, Change& change) {
-        return lens_walk::propose(context, x, find_walk(x, Known::eye, x.edges()), y, change);
-    }
-    static ScaledDouble density(MutationContext& context, const Path& x, const Path& y,
-                                const Change& change) {
-        return lens_walk::density(context, x, y, change, find_walk(x, Known::eye, x.edges()));
-    }
+    static bool propose(MutationContext& context, const Path& x, Path& y, Change& change);
+    static ScaledDouble density(const MutationContext& context, const Path& x, const Path& y,
+                                const Change& change);
+};
+
+struct LensPerturbation : LensWalk<false> {
+    static constexpr const char* name = "lens";
 };
 
 }  // namespace usdmlt

@@ -78,8 +78,7 @@ bool LensSubpath::propose(MutationContext& context, const Path& x, Path& y, Chan
     y.raster = raster;
     const int lens = y.edges();
     Ray ray = camera_ray(camera, raster, x[k].position);
-    double pdf = (camera.orthographic ? camera.pdf_origin() : camera.pdf_direction(ray.direction)) *
-                 context.domain.density_scale();
+    double pdf = camera.pdf_ray(ray.direction) * context.domain.density_scale();
     context.recorded = 1;
     int i = lens - 1;
     for (;; --i) {

@@ -8,20 +8,8 @@
 
 namespace usdmlt {
 
-struct MultiChainPerturbation {
+struct MultiChainPerturbation : LensWalk<true> {
     static constexpr const char* name = "multi_chain";
-
-    static bool applies(const MutationContext&, const Path& x) {
-        const Walk walk = find_walk(x, Known::eye, x.edges());
-        return walk.found() && walk.chains > 0;
-    }
-    static bool propose(MutationContext& context, const Path& x, Path& y, Change& change) {
-        return lens_walk::propose(context, x, find_walk(x, Known::eye, x.edges()), y, change);
-    }
-    static ScaledDouble density(MutationContext& context, const Path& x, const Path& y,
-                                const Change& change) {
-        return lens_walk::density(context, x, y, change, find_walk(x, Known::eye, x.edges()));
-    }
 };
 
 }  // namespace usdmlt

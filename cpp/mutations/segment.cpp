@@ -30,9 +30,7 @@ bool extend_from_eye(MutationContext& context, Path& y, int i) {
     if (i == k - 1) {
         y.raster = context.domain.sample(context.random.next_2d());
         ray = camera_ray(scene.camera, y.raster, y[k].position);
-        pdf = (scene.camera.orthographic ? scene.camera.pdf_origin()
-                                         : scene.camera.pdf_direction(ray.direction)) *
-              context.domain.density_scale();
+        pdf = scene.camera.pdf_ray(ray.direction) * context.domain.density_scale();
     } else {
         if (!y[i + 1].is_surface()) return false;  // at infinity
         Vec3f direction;
@@ -67,16 +65,7 @@ bool extend_from_light(MutationContext& context, Path& y, int i, bool direct) {
     Ray ray;
     double pdf;
     if (i == 1) {
-        if (previous.infinite) {
-            ray.direction = -previous.direction;
-            sample_origin(scene.lights, previous.direction, random.next_2d(), ray.origin, pdf);
-            ray.tfar = infinite_distance;
-        } else {
-            Vec3f direction;
-            if (!sample_direction(scene.lights, previous.light, random.next_2d(), direction, pdf))
-                return false;
-            ray = ray_from(previous, direction);
-        }
+        if (!sample_light_ray(scene, previous, random.next_2d(), ray, pdf)) return false;
     } else {
         Vec3f direction;
         if (!scatter(context, y, i - 1, y.to_light(i - 1), Known::light, direction, pdf))

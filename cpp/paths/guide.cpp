@@ -40,14 +40,7 @@ bool trace_photon(const Scene& scene, float select, Vec2f u_point, Vec2f u_direc
     Vertex v;
     light_vertex(scene, point, v);
     Ray ray;
-    if (point.infinite) {
-        sample_origin(scene.lights, point.direction, u_direction, ray.origin, pdf);
-        ray.direction = -point.direction;
-    } else {
-        if (!sample_direction(scene.lights, point, u_direction, ray.direction, pdf)) return false;
-        ray.origin = offset_origin(v, ray.direction);
-    }
-    ray.tfar = infinite_distance;
+    if (!sample_light_ray(scene, v, u_direction, ray, pdf)) return false;
     for (int i = 0;; ++i) {
         float edge;
         if (!trace_vertex(scene, ray, false, random, counters, v, edge)) return false;

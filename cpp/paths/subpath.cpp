@@ -88,10 +88,8 @@ void trace_camera_subpath(const Scene& scene, Sampler& sampler, Vec2f raster, in
     path.count = 1;
     if (max_vertices < 2) return;
     const CameraRay ray = camera.ray(raster, lens);
-    const double pdf =
-        camera.orthographic ? camera.pdf_origin() : camera.pdf_direction(ray.direction);
-    walk(scene, sampler, Known::eye, {ray.origin, ray.tnear, ray.direction, ray.tfar}, pdf,
-         Spectrum(1.0f), max_vertices, counters, path);
+    walk(scene, sampler, Known::eye, {ray.origin, ray.tnear, ray.direction, ray.tfar},
+         camera.pdf_ray(ray.direction), Spectrum(1.0f), max_vertices, counters, path);
 }
 
 void trace_light_subpath(const Scene& scene, Sampler& sampler, int max_vertices,
@@ -113,17 +111,9 @@ void trace_light_subpath(const Scene& scene, Sampler& sampler, int max_vertices,
 
     Ray ray;
     double pdf;
-    double weight = v.opacity / path.pdf_point;
-    if (point.infinite) {
-        sample_origin(scene.lights, point.direction, u_direction, ray.origin, pdf);
-        ray.direction = -point.direction;
-        weight /= pdf;
-    } else {
-        if (!sample_direction(scene.lights, point, u_direction, ray.direction, pdf)) return;
-        ray.origin = offset_origin(v, ray.direction);
-        weight *= abs_dot(v.normal, ray.direction) / pdf;
-    }
-    ray.tfar = infinite_distance;
+    if (!sample_light_ray(scene, v, u_direction, ray, pdf)) return;
+    const double cosine = point.infinite ? 1 : abs_dot(v.normal, ray.direction);
+    const double weight = v.opacity / path.pdf_point * cosine / pdf;
     const Spectrum emitted = radiance(scene.lights, point, ray.direction);
     if (is_black(emitted)) return;
     walk(scene, sampler, Known::light, ray, pdf, emitted * static_cast<float>(weight), max_vertices,

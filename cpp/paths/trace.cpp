@@ -184,6 +184,19 @@ bool trace(const Scene& scene, Ray ray, RandomStream& random, RayCounters& count
     }
 }
 
+bool sample_light_ray(const Scene& scene, const Vertex& x0, Vec2f u, Ray& ray, double& pdf) {
+    ray.tnear = 0;
+    ray.tfar = infinite_distance;
+    if (x0.infinite) {
+        sample_origin(scene.lights, x0.direction, u, ray.origin, pdf);
+        ray.direction = -x0.direction;
+        return true;
+    }
+    if (!sample_direction(scene.lights, x0.light, u, ray.direction, pdf)) return false;
+    ray.origin = offset_origin(x0, ray.direction);
+    return true;
+}
+
 bool trace_vertex(const Scene& scene, const Ray& ray, bool environment, RandomStream& random,
                   RayCounters& counters, Vertex& v, float& transmittance) {
     Hit hit;

@@ -58,6 +58,10 @@ bool trace(const Scene& scene, Ray ray, RandomStream& random, RayCounters& count
 bool trace_vertex(const Scene& scene, const Ray& ray, bool environment, RandomStream& random,
                   RayCounters& counters, Vertex& v, float& transmittance);
 
+// The first ray of a light subpath, from x0: by the direction of a surface light, or the origin of
+// a light at infinity, whose density is `pdf`. False: there is none.
+bool sample_light_ray(const Scene& scene, const Vertex& x0, Vec2f u, Ray& ray, double& pdf);
+
 // Product of 1 − α along a segment: 1 where it is free, 0 where something opaque is in the way.
 float transmittance(const Scene& scene, Ray ray, RayCounters& counters);
 

@@ -74,9 +74,10 @@ def choose(core_scene: _core.Scene, settings: Settings) -> Choice:
     if settings.depth < 3:
         return Choice("path", "only direct light is asked for", {}, 0)
     if SHARE * budget < PILOT_RAYS:
-        return Choice("path", "the render is too short to try others", {}, 0)
+        return Choice("bdpt", "the render is too short to try others", {}, 0)
 
-    reduction = max(int(np.sqrt(pixels / PIXELS)), 1)
+    narrowest = min(core_scene.width, core_scene.height)
+    reduction = max(min(int(np.sqrt(pixels / PIXELS)), narrowest), 1)
     rays = 0
 
     def pilot(integrator: Integrator, number: int) -> tuple[npt.NDArray[Any], dict[str, Any]]:

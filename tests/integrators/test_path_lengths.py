@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -36,6 +38,16 @@ def test_single_lengths_add_up_to_the_whole(integrator: str) -> None:
     )
     whole = pictures(built, integrator, range(100, 116), depth=5, **settings)
     agreement(each, whole, lumpy=integrator == "mlt").require(resolution=0.02)
+
+
+@pytest.mark.parametrize("integrator", ALL)
+def test_a_scene_can_hide_its_background_itself(integrator: str) -> None:
+    """As that of the settings: the lights of a scene without a background of its own."""
+    scene = scenes.build("dome_and_distant")
+    hidden = picture(scene, integrator, samples=8, background=False)
+    other = picture(dataclasses.replace(scene, background=False), integrator, samples=8)
+    assert picture(scene, integrator, samples=8, depth=1).any(), "there is a sky to hide"
+    assert np.array_equal(hidden, other)
 
 
 @pytest.mark.parametrize("integrator", ALL)

@@ -44,7 +44,7 @@ def test_pilots_are_a_small_part_of_the_work() -> None:
 
 def test_short_renders_have_no_pilots() -> None:
     chosen = choice("pool", samples=4)
-    assert (chosen.integrator, chosen.rays) == ("path", 0)
+    assert (chosen.integrator, chosen.rays) == ("bdpt", 0)
 
 
 @pytest.mark.parametrize("integrator", ["path", "bdpt", "mlt"])
@@ -63,5 +63,11 @@ def test_direct_light_alone_is_path_traced() -> None:
 def test_it_is_said_what_was_chosen(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO, "usdmlt"):
         image = usdmlt.render(SCENES["pool"], width=64, samples=4)
-    assert "auto: path (the render is too short" in caplog.text
-    assert image.stats["choice"]["integrator"] == "path"
+    assert "auto: bdpt (the render is too short" in caplog.text
+    assert image.stats["choice"]["integrator"] == "bdpt"
+
+
+def test_a_picture_of_one_row_has_pilots_too() -> None:
+    scene = usdmlt.load(SCENES["cornell_box"], width=16384, height=1)
+    chosen = choose(native.build_scene(scene, "avx2"), Settings(samples=512, depth=4))
+    assert chosen.rays > 0

@@ -10,7 +10,7 @@ from usdmlt.stage import load
 
 # Two joints; the quad's right edge follows the second, half of it by half.
 SKINNED = """
-def SkelRoot "root" {
+def SkelRoot "Model" {
     double3 xformOp:translate = (0, 0, 5)
     uniform token[] xformOpOrder = ["xformOp:translate"]
     def Skeleton "skeleton" (prepend apiSchemas = ["SkelBindingAPI"]) {
@@ -21,7 +21,7 @@ def SkelRoot "root" {
         uniform matrix4d[] restTransforms = [
             ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
             ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (1, 0, 0, 1))]
-        rel skel:animationSource = </root/skeleton/move>
+        rel skel:animationSource = </Model/skeleton/move>
         double3 xformOp:translate = (0, 3, 0)
         uniform token[] xformOpOrder = ["xformOp:translate"]
         def SkelAnimation "move" {
@@ -38,7 +38,7 @@ def SkelRoot "root" {
     }
     def Mesh "mesh" (prepend apiSchemas = ["SkelBindingAPI"]) { QUAD
         normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0.6, 0, 0.8), (0, 0, 1)]
-        rel skel:skeleton = </root/skeleton>
+        rel skel:skeleton = </Model/skeleton>
         matrix4d primvars:skel:geomBindTransform = (
             (1, 0, 0, 0), (0, 2, 0, 0), (0, 0, 1, 0), (0.25, 0, 0, 1))
         int[] primvars:skel:jointIndices = [0, 0, 0, 1, 1, 0, 0, 1] (
@@ -55,7 +55,7 @@ def SkelRoot "root" {
 """
 SHAPES = """
         uniform token[] skel:blendShapes = ["bulge"]
-        rel skel:blendShapeTargets = </root/mesh/bulge>
+        rel skel:blendShapeTargets = </Model/mesh/bulge>
         def BlendShape "bulge" {
             uniform vector3f[] offsets = [(0, 0, 1), (0.5, 0, 0)]
             uniform int[] pointIndices = [1, 2]
@@ -67,8 +67,8 @@ def baked(path, frame: float) -> tuple[np.ndarray, np.ndarray]:
     """World points and normals that UsdSkel bakes."""
     stage = Usd.Stage.Open(str(path))
     stage.SetEditTarget(stage.GetSessionLayer())
-    assert UsdSkel.BakeSkinning(UsdSkel.Root(stage.GetPrimAtPath("/root")))
-    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/root/mesh"))
+    assert UsdSkel.BakeSkinning(UsdSkel.Root(stage.GetPrimAtPath("/Model")))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/Model/mesh"))
     to_world = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(mesh.GetPrim()))
     points = np.array(mesh.GetPointsAttr().Get(frame)) @ to_world[:3, :3] + to_world[3, :3]
     normals = np.array(mesh.GetNormalsAttr().Get(frame)) @ np.linalg.inv(to_world[:3, :3]).T
