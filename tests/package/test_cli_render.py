@@ -40,7 +40,7 @@ def test_an_exr_with_its_making_is_written(
     assert spec.getattribute("usdmlt:frame") == 2
     assert spec.getattribute("usdmlt:seed") == 9
     assert spec.getattribute("usdmlt:samples") == 4
-    assert spec.getattribute("usdmlt:integrator") == "path"
+    assert spec.getattribute("usdmlt:integrator") == "bdpt"
     assert spec.getattribute("usdmlt:time") > 0
     assert sorted(os.listdir(tmp_path)) == ["a.2.exr", stage.name]
 
@@ -68,7 +68,7 @@ def test_what_was_chosen_and_written_is_said_in_two_lines(usdmlt_command: Run, s
     for default in (
         "/World/main_cam",
         "32x16",
-        "path",
+        "bdpt (auto: the render is too short to try others)",
         "3 samples per pixel",
         "depth 16",
         "seed 0",
@@ -151,7 +151,7 @@ def test_stats_are_json(usdmlt_command: Run, stage: Path, tmp_path: Path) -> Non
     assert stats["seconds"] > 0
     assert len(stats["path_length_energy"]) == 4
     assert stats["settings"]["depth"] == 3
-    assert stats["settings"]["integrator"] == "path"
+    assert stats["settings"]["integrator"] == "bdpt"
 
 
 def test_res_sets_both_sides(usdmlt_command: Run, stage: Path, tmp_path: Path) -> None:
