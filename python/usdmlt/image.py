@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from usdmlt import color, files
 from usdmlt.errors import Error, UsageError
+from usdmlt.options import View
 
 logger = logging.getLogger("usdmlt")
 
@@ -44,7 +45,8 @@ class Image:
     estimated ``"error"`` (height, width), the standard error of the luminance of ``"color"``.
     Row 0 is the top. ``image["color"]`` is short for ``image.channels["color"]``.
     ``stats``: what the render measured. ``metadata``: what the file says about its making
-    (renderer, stage, camera, frame, seed, samples, seconds ...): strings, numbers, 4x4 arrays.
+    (renderer, stage, camera, frame, seed, samples, seconds ...): strings, numbers, 4x4 arrays; and
+    ``"data_window"`` of a part of a picture: its x, y, full_width and full_height.
     """
 
     channels: dict[str, npt.NDArray[np.float32]]
@@ -71,12 +73,14 @@ class Image:
         """Columns."""
         return int(self["color"].shape[1])
 
-    def write(self, path: str | os.PathLike[str]) -> None:
+    def write(self, path: str | os.PathLike[str], view: View = "sRGB") -> None:
         """Write ``.exr`` or ``.png``, whole or not at all.
 
         The EXR holds half floats; what is beyond their range is clamped to ±65504 and counted in a
         warning. The error is its channel ``error.Y``, of floats. The PNG is the sRGB view
-        (:func:`usdmlt.color.srgb_view`), opaque, and has no error.
+        (:func:`usdmlt.color.srgb_view`), opaque, and has no error; with ``view="disabled"`` it is
+        the linear values, clipped to 0 and 1. A part of a picture has the whole one as the EXR's
+        display window.
         Raises ValueError for another extension and :class:`usdmlt.Error` when the file cannot be
         written; an existing file of that name is then as it was.
         """
@@ -84,9 +88,9 @@ class Image:
         if target.suffix.lower() == ".exr":
             channels, attributes = self._exr()
         else:
-            channels, attributes = self._png()
+            channels, attributes = self._png(view)
         with files.replacing(target) as temporary:
-            _write_channels(temporary, channels, attributes)
+            _write_channels(temporary, channels, attributes, self.metadata.get("data_window"))
 
     def _exr(self) -> tuple[_Channels, dict[str, Any]]:
         rgba = np.concatenate([self["color"], self["alpha"][..., None]], axis=-1)
@@ -107,7 +111,7 @@ class Image:
             ),
         }
         for name, value in self.metadata.items():
-            if value is not None:
+            if value is not None and name != "data_window":
                 attributes[name if name in _STANDARD_ATTRIBUTES else f"usdmlt:{name}"] = value
         rgba = np.clip(rgba, -HALF_MAX, HALF_MAX).astype(np.float16)
         channels = dict(zip("RGBA", np.moveaxis(rgba, -1, 0), strict=True))
@@ -115,12 +119,16 @@ class Image:
             channels[ERROR_CHANNEL] = self["error"].astype(np.float32)
         return channels, attributes
 
-    def _png(self) -> tuple[_Channels, dict[str, Any]]:
-        attributes = {"oiio:ColorSpace": "sRGB"}
+    def _png(self, view: View) -> tuple[_Channels, dict[str, Any]]:
+        attributes = {"oiio:ColorSpace": "sRGB" if view == "sRGB" else self.color_space}
         if "renderer" in self.metadata:
             attributes["Software"] = self.metadata["renderer"]
-        view = color.srgb_view(self["color"], self.color_space)
-        return dict(zip("RGB", np.moveaxis(view, -1, 0), strict=True)), attributes
+        if view == "sRGB":
+            pixels = color.srgb_view(self["color"], self.color_space)
+        else:
+            linear = np.nan_to_num(self["color"], nan=0.0)
+            pixels = np.rint(255 * np.clip(linear, 0, 1)).astype(np.uint8)
+        return dict(zip("RGB", np.moveaxis(pixels, -1, 0), strict=True)), attributes
 
 
 def read(path: str | os.PathLike[str]) -> Image:
@@ -165,8 +173,16 @@ def check_extension(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _write_channels(path: Path, channels: _Channels, attributes: dict[str, Any]) -> None:
-    """Write the file and make sure that all of it is there; OSError otherwise."""
+def _write_channels(
+    path: Path,
+    channels: _Channels,
+    attributes: dict[str, Any],
+    data_window: dict[str, int] | None = None,
+) -> None:
+    """Write the file and make sure that all of it is there; OSError otherwise.
+
+    ``data_window``: where the pixels are in the whole picture, and its size.
+    """
     import OpenImageIO as oiio
 
     pixels = np.stack(list(channels.values()), axis=-1)
@@ -176,6 +192,9 @@ def _write_channels(path: Path, channels: _Channels, attributes: dict[str, Any])
     spec.channelformats = tuple(
         oiio.TypeDesc(_FORMATS[channel.dtype.name]) for channel in channels.values()
     )
+    if data_window is not None and path.suffix.lower() == ".exr":
+        spec.x, spec.y = data_window["x"], data_window["y"]
+        spec.full_width, spec.full_height = data_window["full_width"], data_window["full_height"]
     for name, value in attributes.items():
         _set_attribute(spec, name, value)
     file = oiio.ImageOutput.create(os.fspath(path))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 import os
 import signal
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from usdmlt.errors import UsageError, Warning
 from usdmlt.image import Image
 from usdmlt.interruption import Interruption
 from usdmlt.scene import Camera, Scene
-from usdmlt.settings import ResolvedIntegrator, Settings, check_resolution
+from usdmlt.settings import ResolvedIntegrator, Settings, check_resolution, merged
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -178,25 +178,21 @@ def render(
     stage: Usd.Stage | Scene | str | os.PathLike[str],
     *,
     camera: str | None = None,
-    frame: float | None = None,
+    frame: float | Literal["default"] | None = None,
     width: int | None = None,
     height: int | None = None,
-    purposes: Iterable[str] | None = None,
-    mask: Iterable[str] | None = None,
-    session_layer: str | os.PathLike[str] | None = None,
-    color_space: str = color.DEFAULT,
-    strict: bool = False,
     progress: Callable[[Progress], None] | None = None,
-    **settings: Any,
+    **options: Any,
 ) -> Image:
     """Render a USD stage, or a scene description, and return the picture.
 
     ``stage``: an open stage, the path of a file, or a :class:`usdmlt.scene.Scene`, which takes
-    none of the options of reading: camera, frame, width, height, purposes, mask, session_layer,
-    color_space and strict are those of :func:`usdmlt.load`.
+    none of the options of reading.
     ``progress``: called about ten times a second with a :class:`Progress`.
-    ``settings``: the fields of :class:`usdmlt.Settings`: integrator, samples, mutations, time,
-    depth, seed, threads, filter, error, mutation_weights, direct, two_stage.
+    ``options``: the fields of :class:`usdmlt.Settings`: integrator, samples, mutations, time,
+    depth, seed, threads, filter, error, mutation_weights, direct, two_stage, which go before what
+    the stage itself asks for; all others are those of :func:`usdmlt.load`, as camera, frame, width
+    and height are: purposes, mask, variants, color_space …
 
     The picture's layers are ``"color"`` and ``"alpha"`` and, unless ``error=False``, ``"error"``:
     the standard error of the luminance by pixel; 0 where there were too few samples to tell.
@@ -208,29 +204,22 @@ def render(
     >>> image = usdmlt.render("shot.usda", width=640, samples=256)
     >>> image.write("shot.exr")
     """
-    resolved = Settings(**settings)
+    names = {field.name for field in fields(Settings)}
+    given = {name: value for name, value in options.items() if name in names}
+    reading = {name: value for name, value in options.items() if name not in names}
+    reading |= {"camera": camera, "frame": frame, "width": width, "height": height}
+    Settings(**given)
     check_resolution(width, height)
     if isinstance(stage, Scene):
         scene = stage
-        if any(option is not None for option in (camera, frame, width, height)):
+        if any(option is not None for option in reading.values()):
             raise UsageError("a Scene has its own camera, frame and size: set them there")
     else:
         from usdmlt.stage import load
 
-        scene = load(
-            stage,
-            camera=camera,
-            frame=frame,
-            width=width,
-            height=height,
-            purposes=purposes,
-            mask=mask,
-            session_layer=session_layer,
-            color_space=color_space,
-            strict=strict,
-        )
-    rendering = Rendering(scene, resolved)
-    if resolved.integrator == "auto":
+        scene = load(stage, **reading)
+    rendering = Rendering(scene, merged(scene.settings, given))
+    if rendering.settings.integrator == "auto":
         logger.info("auto: %s (%s)", rendering.integrator, rendering.choice.reason)
     with Interruption(signal.SIGINT) as interruption:
         rendering.run(progress, stop=lambda: bool(interruption))
@@ -308,8 +297,10 @@ def _listed(names: Sequence[str]) -> str:
 def _metadata(scene: Scene, stats: dict[str, Any]) -> dict[str, Any]:
     """What the picture's file says about its making."""
     settings = stats["settings"]
-    world_to_camera, world_to_ndc = _exr_camera(scene.camera)
+    window: Any = scene.metadata.get("data_window")
+    world_to_camera, world_to_ndc = _exr_camera(scene.camera, window)
     return {
+        "data_window": window and asdict(window),
         "renderer": f"usdmlt {__version__}",
         "Software": f"usdmlt {__version__}",
         "stage": scene.metadata.get("stage"),
@@ -327,14 +318,21 @@ def _metadata(scene: Scene, stats: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _exr_camera(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def _exr_camera(camera: Camera, data_window: Any = None) -> tuple[np.ndarray, np.ndarray]:
     """EXR's standard matrices, for row vectors: world to camera space, and on to the window.
+
+    ``data_window``: the part of the picture that the camera sees; None: all of it.
 
     EXR's camera space is left-handed with +z forward; NDC is (0, 0) in the upper left corner of
     the picture and (1, 1) in the lower right one, after division by w.
     """
     world_to_camera = np.linalg.inv(camera.transform) @ np.diag([1.0, 1.0, -1.0, 1.0])
     left, right, bottom, top = camera.window
+    if data_window is not None:
+        pixel = (right - left) / data_window.width, (top - bottom) / data_window.height
+        left, top = left - data_window.x * pixel[0], top + data_window.y * pixel[1]
+        right = left + data_window.full_width * pixel[0]
+        bottom = top - data_window.full_height * pixel[1]
     sx, sy = 1 / (right - left), 1 / (top - bottom)
     projection = np.zeros((4, 4))
     projection[0, 0], projection[1, 1] = sx, -sy

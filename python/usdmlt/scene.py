@@ -13,7 +13,7 @@ USD. Conventions:
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, Union
+from typing import Any, Literal, Union
 
 import numpy as np
 
@@ -389,7 +389,8 @@ class Camera:
 class Scene:
     """Everything a render needs. ``width`` and ``height`` are pixels.
 
-    ``background``: whether the camera sees domes and distant lights directly.
+    ``background``: whether the camera sees domes and distant lights directly. ``settings``: fields
+    of :class:`usdmlt.Settings` that the stage asks for, unless told otherwise.
     """
 
     camera: Camera = field(default_factory=Camera)
@@ -403,4 +404,5 @@ class Scene:
     lights: list[Light] = field(default_factory=list)
     background: bool = True
     color_space: str = "lin_rec709_scene"
+    settings: dict[str, Any] = field(default_factory=dict)
     metadata: dict[str, object] = field(default_factory=dict)

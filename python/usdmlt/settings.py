@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from usdmlt.errors import UsageError
 
@@ -113,6 +113,24 @@ class Settings:
     def resolved_threads(self) -> int:
         """The number of threads."""
         return available_processors() if self.threads is None else self.threads
+
+
+def merged(asked: Mapping[str, Any], given: Mapping[str, Any]) -> Settings:
+    """Settings that are ``given`` over those that a stage asks for.
+
+    What would contradict a given one is left out: the budget comes from one side, and what is for
+    mlt alone goes with another integrator.
+    """
+    kept = {name: value for name, value in asked.items() if name not in given}
+    if {"samples", "mutations"} & given.keys():
+        kept.pop("samples", None)
+        kept.pop("mutations", None)
+    if given.get("integrator") in ("path", "bdpt"):
+        kept.pop("mutations", None)
+        kept.pop("mutation_weights", None)
+    if {"mutations", "mutation_weights"} & given.keys():
+        kept.pop("integrator", None)
+    return Settings(**kept, **given)
 
 
 def available_processors() -> int:

@@ -261,7 +261,7 @@ def test_the_window_conforms_to_the_aspect_by_policy(read, policy, tall, wide):
 
 @pytest.mark.parametrize("value", [0, -3, 2.5, True])
 def test_images_of_no_pixels_are_a_wrong_value(read, value):
-    with pytest.raises(ValueError, match="width must be a whole number"):
+    with pytest.raises(ValueError, match="width must be"):
         read(camera(), width=value)
 
 

@@ -5,15 +5,18 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import os
 import signal
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, get_args
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from usdmlt.cli.frames import check_placeholder, frame_path, parse_frames
 from usdmlt.cli.logs import add_verbosity
 from usdmlt.cli.view import add_view_flags, load_options
-from usdmlt.errors import UsageError
-from usdmlt.settings import MUTATIONS, DirectName, FilterName, IntegratorName, Settings
+from usdmlt.errors import Error, UsageError
+from usdmlt.options import View
+from usdmlt.settings import MUTATIONS, DirectName, FilterName, IntegratorName, Settings, merged
 
 if TYPE_CHECKING:
     from usdmlt.rendering import Rendering
@@ -34,24 +37,46 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "output",
         metavar="OUTPUT",
-        help="image file; with --frames its name holds a placeholder: shot.####.exr",
+        nargs="?",
+        help="image file; with --frames its name holds a placeholder: shot.####.exr "
+        "(default: the products of the render settings)",
     )
-    view.add_argument(
+    times = view.add_mutually_exclusive_group()
+    times.add_argument(
         "--frames",
         "-f",
         metavar="SPEC",
         help="time codes start[:end[xstride]], several separated by commas "
         "(default: the stage's start)",
     )
+    times.add_argument(
+        "--defaultTime", "-d", action="store_true", help="the values without time samples"
+    )
     view.add_argument(
         "--strict", action="store_true", help="fail where unsupported content would be left out"
     )
+    view.add_argument(
+        "--list-cameras", action="store_true", help="print the paths of the cameras and do no more"
+    )
+    written = parser.add_argument_group("what is written")
+    written.add_argument(
+        "--colorCorrectionMode",
+        "-color",
+        choices=get_args(View),
+        default="sRGB",
+        help="of a .png: sRGB, or linear values (default: %(default)s); an .exr is always linear",
+    )
+    written.add_argument(
+        "--skip-existing", action="store_true", help="leave out frames whose file is there already"
+    )
 
-    how = parser.add_argument_group("how it is rendered")
+    how = parser.add_argument_group(
+        "how it is rendered",
+        "Without these flags, what the usdmlt: attributes of the render settings say.",
+    )
     how.add_argument(
         "--integrator",
         choices=get_args(IntegratorName),
-        default=defaults.integrator,
         help="path tracing, bidirectional path tracing or Metropolis light transport (default: "
         "auto, the best for the scene as short pilots show)",
     )
@@ -76,21 +101,18 @@ def add_parser(subparsers: Any) -> None:
         "--depth",
         metavar="N",
         type=int,
-        default=defaults.depth,
-        help="the most edges of a path; 2 is direct light only (default: %(default)s)",
+        help=f"the most edges of a path; 2 is direct light only (default: {defaults.depth})",
     )
     how.add_argument(
         "--filter",
         choices=get_args(FilterName),
-        default=defaults.filter,
-        help="pixel filter (default: %(default)s)",
+        help=f"pixel filter (default: {defaults.filter})",
     )
     how.add_argument(
         "--seed",
         metavar="N",
         type=int,
-        default=defaults.seed,
-        help="seed of the random numbers (default: %(default)s)",
+        help=f"seed of the random numbers (default: {defaults.seed})",
     )
     how.add_argument(
         "--threads",
@@ -110,14 +132,12 @@ def add_parser(subparsers: Any) -> None:
     mlt.add_argument(
         "--direct",
         choices=get_args(DirectName),
-        default=defaults.direct,
         help="who renders direct light: the mutations (mlt) or path tracing (separate) "
         "(default: auto, separate unless path tracing finds it too seldom)",
     )
     mlt.add_argument(
         "--two-stage",
         action=argparse.BooleanOptionalAction,
-        default=defaults.two_stage,
         help="make a coarse picture first, so that dark parts get nearly as much work",
     )
     report = parser.add_argument_group("what is reported")
@@ -130,36 +150,107 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=run)
 
 
+@dataclass(frozen=True)
+class Job:
+    """One picture: when, of which product (None: the first), and the files it goes to."""
+
+    frame: float | Literal["default"] | None
+    product: str | None
+    output: str
+    stats: str | None
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Render every frame; the exit status."""
-    from usdmlt import files, image
+    from usdmlt import files
 
-    settings = Settings(
-        integrator=arguments.integrator,
-        samples=arguments.samples,
-        mutations=arguments.mutations,
-        time=arguments.time,
-        depth=arguments.depth,
-        seed=arguments.seed,
-        threads=arguments.threads,
-        filter=arguments.filter,
-        mutation_weights=parse_weights(arguments.mutation_weights),
-        direct=arguments.direct,
-        two_stage=arguments.two_stage,
-    )
-    options = load_options(arguments)
-    frames = None if arguments.frames is None else parse_frames(arguments.frames)
-    image.check_extension(arguments.output)
-    for path in _outputs(arguments):
-        check_placeholder(path, frames)
-    for path in _outputs(arguments):
-        files.check_writable(path)
-    each: Sequence[float | None] = frames or [None]
-    for frame in each:
-        status = _render_frame(arguments, settings, frame, options)
+    given = _given(arguments)
+    Settings(**given)
+    options = load_options(arguments) | {"strict": arguments.strict}
+    if arguments.list_cameras:
+        from usdmlt.stage import camera_paths
+
+        for camera in camera_paths(arguments.stage, **options):
+            print(camera)
+        return 0
+    jobs = _jobs(arguments, options)
+    if arguments.skip_existing:
+        jobs = [job for job in jobs if not _exists(job.output)]
+    for job in jobs:
+        for path in (job.output, job.stats):
+            if path:
+                files.check_writable(path)
+    for job in jobs:
+        status = _render(arguments, given, job, options)
         if status:
             return status
     return 0
+
+
+def _given(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The settings that flags were given for."""
+    names = ("integrator", "samples", "mutations", "time", "depth", "seed", "threads", "filter")
+    values = {name: getattr(arguments, name) for name in (*names, "direct", "two_stage")}
+    values["mutation_weights"] = parse_weights(arguments.mutation_weights)
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _jobs(arguments: argparse.Namespace, options: dict[str, Any]) -> list[Job]:
+    """All pictures, their files' names checked."""
+    from usdmlt import image
+
+    frames = None if arguments.frames is None else parse_frames(arguments.frames)
+    times: Sequence[float | Literal["default"] | None]
+    times = ["default"] if arguments.defaultTime else frames or [None]
+    if arguments.output is None:
+        return _product_jobs(arguments, times, options)
+    image.check_extension(arguments.output)
+    for path in (arguments.output, arguments.stats):
+        if path:
+            check_placeholder(path, frames)
+    return [
+        Job(time, None, _numbered(arguments.output, time), _numbered(arguments.stats, time))
+        for time in times
+    ]
+
+
+def _product_jobs(
+    arguments: argparse.Namespace,
+    times: Sequence[float | Literal["default"] | None],
+    options: dict[str, Any],
+) -> list[Job]:
+    """The products of the render settings; their names may have placeholders, or be animated."""
+    from usdmlt import image
+    from usdmlt.stage import products
+
+    if arguments.stats:
+        raise UsageError("--stats is for one picture: name its OUTPUT")
+    jobs = []
+    for time in times:
+        for product in products(arguments.stage, frame=time, **options):
+            try:
+                name = str(image.check_extension(product.name))
+            except UsageError as error:
+                raise Error(f"{product.path}: {error}") from None
+            jobs.append(Job(time, product.path, _numbered(name, time) or name, None))
+    if not jobs:
+        raise UsageError("name the OUTPUT: the stage has no render products")
+    outputs = [job.output for job in jobs]
+    for output in outputs:
+        if outputs.count(output) > 1:
+            raise Error(f"several pictures would be written to {output}")
+    return jobs
+
+
+def _numbered(path: str | None, time: float | Literal["default"] | None) -> Any:
+    return path if time is None or time == "default" or not path else frame_path(path, time)
+
+
+def _exists(output: str) -> bool:
+    there = os.path.isfile(output) and os.path.getsize(output) > 0
+    if there:
+        logger.info("%s is there already: left out", output)
+    return there
 
 
 def parse_weights(flags: Sequence[str] | None) -> dict[str, float] | None:
@@ -178,24 +269,18 @@ def parse_weights(flags: Sequence[str] | None) -> dict[str, float] | None:
     return weights
 
 
-def _outputs(arguments: argparse.Namespace) -> list[str]:
-    return [arguments.output] + ([arguments.stats] if arguments.stats else [])
-
-
-def _render_frame(
-    arguments: argparse.Namespace,
-    settings: Settings,
-    frame: float | None,
-    options: dict[str, Any],
+def _render(
+    arguments: argparse.Namespace, given: dict[str, Any], job: Job, options: dict[str, Any]
 ) -> int:
-    """Render and write one frame; 0, or 128 + the number of the signal that stopped it."""
+    """Render and write one picture; 0, or 128 + the number of the signal that stopped it."""
     from usdmlt import files
     from usdmlt.cli.progress import display
     from usdmlt.interruption import Interruption
     from usdmlt.rendering import Rendering
     from usdmlt.stage import load
 
-    scene = load(arguments.stage, frame=frame, strict=arguments.strict, **options)
+    scene = load(arguments.stage, frame=job.frame, product=job.product, **options)
+    settings = merged(scene.settings, given)
     rendering = Rendering(scene, settings)
     logger.info("%s", _description(arguments.stage, rendering))
     with Interruption(signal.SIGINT, signal.SIGTERM, always=True) as interruption:
@@ -205,14 +290,10 @@ def _render_frame(
             logger.warning("stopped before any work was done: nothing was written")
         else:
             image = rendering.image()
-            output, stats = (
-                path if frame is None or not path else frame_path(path, frame)
-                for path in (arguments.output, arguments.stats)
-            )
-            image.write(output)
-            if stats:
-                files.write_text(stats, json.dumps(image.stats, indent=2) + "\n")
-            logger.info("%s", _outcome(output, rendering, image.stats))
+            image.write(job.output, arguments.colorCorrectionMode)
+            if job.stats:
+                files.write_text(job.stats, json.dumps(image.stats, indent=2) + "\n")
+            logger.info("%s", _outcome(job.output, rendering, image.stats))
     return 0 if interruption.signal is None else 128 + interruption.signal
 
 

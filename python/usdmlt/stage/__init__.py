@@ -5,6 +5,6 @@ One module per schema family. The way through them is ``loading``: open the stag
 """
 
 from usdmlt.stage.inspection import Inspection, inspect
-from usdmlt.stage.loading import load
+from usdmlt.stage.loading import camera_paths, load, products
 
-__all__ = ["Inspection", "inspect", "load"]
+__all__ = ["Inspection", "camera_paths", "inspect", "load", "products"]

@@ -71,9 +71,15 @@ def _named(stage: Usd.Stage, name: str) -> UsdGeom.Camera:
     raise Error(f"{name}: no such camera; " + (f"there are {listed}" if known else "there is none"))
 
 
-def read_camera(camera: UsdGeom.Camera, time: Usd.TimeCode, report: Report) -> Camera:
+def read_camera(
+    camera: UsdGeom.Camera,
+    time: Usd.TimeCode,
+    report: Report,
+    settings: RenderSettings | None = None,
+) -> Camera:
     """A UsdGeomCamera. The lens radius is focalLength / (2 fStop), in tenths of a scene unit;
-    an fStop of 0 is a pinhole."""
+    an fStop of 0, and settings that disable depth of field, make a pinhole."""
+    settings = settings or RenderSettings()
     path = camera.GetPath()
     transform = UsdGeom.XformCache(time).GetLocalToWorldTransform(camera.GetPrim())
     if singular(np.array(transform)):
@@ -103,6 +109,8 @@ def read_camera(camera: UsdGeom.Camera, time: Usd.TimeCode, report: Report) -> C
     f_stop = number(camera.GetFStopAttr())
     focus_distance = number(camera.GetFocusDistanceAttr())
     radius = 0.0 if orthographic or f_stop <= 0 else focal_length / (2 * f_stop)
+    if not settings.depth_of_field:
+        radius = 0.0
     if radius > 0 and not focus_distance > 0:
         report.note("cameras with an fStop but no focusDistance are in focus everywhere", path)
         radius = 0.0
@@ -110,7 +118,7 @@ def read_camera(camera: UsdGeom.Camera, time: Usd.TimeCode, report: Report) -> C
     if not (math.isfinite(near) and far > near):
         report.warn("clipping ranges that are empty are ignored", path)
         near, far = 0.0, math.inf
-    _warn_of_unsupported(camera, time, report)
+    _warn_of_unsupported(camera, time, settings, report)
     return Camera(
         transform=rigid(transform),
         projection="orthographic" if orthographic else "perspective",
@@ -151,11 +159,14 @@ def exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode) -> float:
     )
 
 
-def _warn_of_unsupported(camera: UsdGeom.Camera, time: Usd.TimeCode, report: Report) -> None:
+def _warn_of_unsupported(
+    camera: UsdGeom.Camera, time: Usd.TimeCode, settings: RenderSettings, report: Report
+) -> None:
     if camera.GetClippingPlanesAttr().Get(time):
         report.warn("clipping planes of cameras are ignored", camera.GetPath())
     shutter = camera.GetShutterOpenAttr().Get(time), camera.GetShutterCloseAttr().Get(time)
-    if shutter[0] != shutter[1] and anything_moves(camera.GetPrim().GetStage()):
+    shut = shutter[0] == shutter[1] or not settings.motion_blur
+    if not shut and anything_moves(camera.GetPrim().GetStage()):
         report.warn("motion blur is not rendered", camera.GetPath())
 
 

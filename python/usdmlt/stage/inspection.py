@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pxr import Usd
 
 from usdmlt.errors import Report, Warning
+from usdmlt.options import LoadOptions
 from usdmlt.scene import Scene
 from usdmlt.stage.loading import read_stage
 
@@ -47,7 +48,7 @@ def inspect(stage: Usd.Stage | str | os.PathLike[str], **options) -> Inspection:
     Nothing is logged: the warnings are in the result. ``strict`` is not an option.
     """
     report = Report()
-    reading = read_stage(report, stage, **options)
+    reading = read_stage(report, stage, LoadOptions(**options))
     return summarize(reading.scene, reading.camera_reason, report)
 
 

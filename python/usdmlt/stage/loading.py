@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
 from dataclasses import dataclass
-from numbers import Integral
+from typing import Any
 
 import numpy as np
 from pxr import Usd, UsdGeom
 
 from usdmlt.errors import Report, UsageError
+from usdmlt.options import LoadOptions
 from usdmlt.scene import Camera, Scene
-from usdmlt.stage.cameras import conformed, find_camera, read_camera, resolve_size
-from usdmlt.stage.color import ColorSpaces
+from usdmlt.stage.cameras import all_cameras, conformed, find_camera, read_camera, resolve_size
+from usdmlt.stage.color import DEFAULT, ColorSpaces
+from usdmlt.stage.data_window import data_window, windowed
 from usdmlt.stage.framing import framing_camera, scene_bounds, stage_bounds
 from usdmlt.stage.geometry import GeometryReader
 from usdmlt.stage.instancing import Instancing, flatten
@@ -21,36 +22,23 @@ from usdmlt.stage.lights import LightReader, default_dome
 from usdmlt.stage.materials import Materials, emits
 from usdmlt.stage.networks import Networks
 from usdmlt.stage.opening import open_stage, time_code, usd_diagnostics
-from usdmlt.stage.render_settings import RenderSettings, read_render_settings
+from usdmlt.stage.render_settings import Product, RenderSettings, read_render_settings
 from usdmlt.stage.skinning import Skinning
+from usdmlt.stage.texture_memory import limit_textures
 from usdmlt.stage.textures import Textures
 from usdmlt.stage.traversal import Traversal
 
 PURPOSES = ("default", "render")
-KNOWN_PURPOSES = {"default", "render", "proxy", "guide"}
 
 
-def load(
-    stage: Usd.Stage | str | os.PathLike[str],
-    camera: str | None = None,
-    frame: float | None = None,
-    width: int | None = None,
-    height: int | None = None,
-    purposes: Iterable[str] | None = None,
-    mask: Iterable[str] | None = None,
-    session_layer: str | os.PathLike[str] | None = None,
-    strict: bool = False,
-    color_space: str = "lin_rec709_scene",
-) -> Scene:
+def load(stage: Usd.Stage | str | os.PathLike[str], **options: Any) -> Scene:
     """Read a USD stage into a :class:`usdmlt.Scene`.
 
-    ``stage``: an open stage, which is not changed, or the path of a file. ``camera``: prim path or
-    name; None: the render settings' camera, else ``main_cam``, else the only one, else one that
-    frames everything. ``frame``: time code; None: the stage's start. ``width``, ``height``: pixels;
-    None: the render settings', else 960 wide with the camera's aspect. ``purposes``: which purposes
-    are rendered besides "default"; None: the render settings', else "render". ``mask``: prim paths;
-    only they, and what is above and below them, are read. ``session_layer``: a layer file with the
-    strongest opinions. ``color_space``: the linear RGB space of the result.
+    ``stage``: an open stage, which is not changed, or the path of a file. ``options``: the fields
+    of :class:`usdmlt.options.LoadOptions`: camera, frame, width, height, crop, purposes, mask,
+    session_layer, variants, overrides, render_settings, render_pass, product, complexity,
+    draw_modes, default_light, domes_visible, texture_memory, search_paths, resolver, color_space
+    and strict.
 
     Content that is not supported is left out, with one warning per kind on the ``usdmlt`` logger;
     with ``strict`` it raises instead. Raises :class:`usdmlt.Error`, with the prim path or the file,
@@ -60,21 +48,27 @@ def load(
     >>> len(scene.meshes), len(scene.lights)
     (12, 2)
     """
-    report = Report(strict)
-    reading = read_stage(
-        report,
-        stage,
-        camera=camera,
-        frame=frame,
-        width=width,
-        height=height,
-        purposes=purposes,
-        mask=mask,
-        session_layer=session_layer,
-        color_space=color_space,
-    )
+    asked = LoadOptions(**options)
+    report = Report(asked.strict)
+    reading = read_stage(report, stage, asked)
     report.log()
     return reading.scene
+
+
+def camera_paths(stage: Usd.Stage | str | os.PathLike[str], **options: Any) -> list[str]:
+    """The paths of a stage's cameras; options as of :func:`load`."""
+    asked = LoadOptions(**options)
+    with usd_diagnostics(Report()):
+        cameras = all_cameras(open_stage(stage, asked))
+    return [str(camera.GetPath()) for camera in cameras]
+
+
+def products(stage: Usd.Stage | str | os.PathLike[str], **options: Any) -> list[Product]:
+    """The raster products of a stage's render settings; options as of :func:`load`."""
+    asked, report = LoadOptions(**options), Report()
+    with usd_diagnostics(report):
+        opened = open_stage(stage, asked)
+        return read_render_settings(opened, time_code(opened, asked.frame), report, asked).products
 
 
 @dataclass
@@ -83,46 +77,60 @@ class Reading:
 
     scene: Scene
     camera_reason: str
+    settings: RenderSettings
 
 
 def read_stage(
-    report: Report,
-    stage: Usd.Stage | str | os.PathLike[str],
-    camera: str | None = None,
-    frame: float | None = None,
-    width: int | None = None,
-    height: int | None = None,
-    purposes: Iterable[str] | None = None,
-    mask: Iterable[str] | None = None,
-    session_layer: str | os.PathLike[str] | None = None,
-    color_space: str = "lin_rec709_scene",
+    report: Report, stage: Usd.Stage | str | os.PathLike[str], options: LoadOptions
 ) -> Reading:
     """As :func:`load`, with the warnings left in ``report``."""
-    _check_size("width", width)
-    _check_size("height", height)
-    colors = ColorSpaces(color_space, report)
     with usd_diagnostics(report):
-        opened = open_stage(stage, mask, session_layer)
-        time = time_code(opened, frame)
-        settings = read_render_settings(opened, time, report)
-        shown = _purposes(purposes, settings)
+        opened = open_stage(stage, options)
+        time = time_code(opened, options.frame)
+        settings = read_render_settings(opened, time, report, options)
+        colors = _color_spaces(options, settings, report)
+        shown = _purposes(options, settings)
         skinning = Skinning(time)
-        scene = _read_content(opened, time, shown, settings, colors, skinning, report)
-        found, reason = find_camera(opened, camera, settings, report)
+        scene = _read_content(opened, time, shown, options, settings, colors, skinning, report)
+        limit_textures(scene.textures, options.texture_memory, report)
+        found, reason = find_camera(opened, options.camera, settings, report)
         if found is None:
             scene.camera = _frame_everything(opened, time, shown, scene, skinning)
         else:
-            scene.camera = read_camera(found, time, report)
-        scene.width, scene.height = resolve_size(scene.camera, settings, width, height)
-        scene.camera = conformed(scene.camera, settings, scene.width, scene.height)
-        scene.metadata = _metadata(opened, time, settings, shown)
-    return Reading(scene, reason)
+            scene.camera = read_camera(found, time, report, settings)
+        _fit_picture(scene, options, settings)
+        scene.settings = settings.usdmlt
+        scene.metadata |= _metadata(opened, time, settings, shown)
+    return Reading(scene, reason, settings)
+
+
+def _fit_picture(scene: Scene, options: LoadOptions, settings: RenderSettings) -> None:
+    """The size of the picture, and the camera that fills it, or its data window."""
+    width, height = resolve_size(scene.camera, settings, options.width, options.height)
+    scene.camera = conformed(scene.camera, settings, width, height)
+    window = data_window(options.crop or settings.data_window, width, height)
+    if (window.x, window.y, window.width, window.height) != (0, 0, width, height):
+        scene.camera = windowed(scene.camera, window)
+        scene.metadata["data_window"] = window
+    scene.width, scene.height = window.width, window.height
+
+
+def _color_spaces(options: LoadOptions, settings: RenderSettings, report: Report) -> ColorSpaces:
+    """Into the space asked for, else that of the render settings, else linear Rec.709."""
+    if options.color_space is not None or settings.color_space is None:
+        return ColorSpaces(options.color_space or DEFAULT, report)
+    try:
+        return ColorSpaces(settings.color_space, report)
+    except UsageError as error:
+        report.warn(f"renderingColorSpace counts as {DEFAULT}: {error}", settings.path or "")
+        return ColorSpaces(DEFAULT, report)
 
 
 def _read_content(
     stage: Usd.Stage,
     time: Usd.TimeCode,
     purposes: tuple[str, ...],
+    options: LoadOptions,
     settings: RenderSettings,
     colors: ColorSpaces,
     skinning: Skinning,
@@ -143,11 +151,14 @@ def _read_content(
 
     meshes, prototypes, instances, placed_lights = flatten(world)
     lit = placed_lights or any(emits(material) for material in materials.materials)
-    if not lit:
+    if not lit and options.default_light:
         report.note("the stage has no lights: a white dome lights it")
         placed_lights.append(default_dome())
+    elif not lit:
+        report.note("the stage has no lights: the picture is black")
     return Scene(
-        background=bool(lit),  # white objects before a white dome could not be seen
+        background=bool(lit)
+        and options.domes_visible,  # white objects before a white dome could not be seen
         meshes=meshes,
         prototypes=prototypes,
         instances=instances,
@@ -181,28 +192,19 @@ def _metadata(
     root = stage.GetRootLayer()
     return {
         "stage": root.realPath or root.identifier,
-        "frame": None if time.IsEarliestTime() else time.GetValue(),
+        "frame": time.GetValue() if time.IsNumeric() and not time.IsEarliestTime() else None,
         "up_axis": str(UsdGeom.GetStageUpAxis(stage)),
         "meters_per_unit": float(UsdGeom.GetStageMetersPerUnit(stage)),
         "frames_per_second": float(stage.GetFramesPerSecond()),
         "render_settings": settings.path,
+        "product": settings.product,
         "purposes": list(purposes),
     }
 
 
-def _purposes(asked: Iterable[str] | None, settings: RenderSettings) -> tuple[str, ...]:
+def _purposes(options: LoadOptions, settings: RenderSettings) -> tuple[str, ...]:
     """The purposes that are rendered, "default" among them."""
+    asked = options.purposes
     if asked is None:
         asked = PURPOSES if settings.purposes is None else settings.purposes
-    shown = dict.fromkeys(["default", *([asked] if isinstance(asked, str) else asked)])
-    unknown = set(shown) - KNOWN_PURPOSES
-    if unknown:
-        raise UsageError(f"unknown purposes: {', '.join(sorted(unknown))}")
-    return tuple(shown)
-
-
-def _check_size(name: str, value: int | None) -> None:
-    if value is None:
-        return
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
-        raise UsageError(f"{name} must be a whole number of pixels from 1, not {value!r}")
+    return tuple(dict.fromkeys(["default", *asked]))

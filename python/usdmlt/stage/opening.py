@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import logging
-import math
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from usdmlt.errors import Error, Report, UsageError
+from usdmlt.options import LoadOptions
+from usdmlt.stage.edits import choose_variants, session_over, set_values
 
 log = logging.getLogger("usdmlt")
 
@@ -19,35 +20,59 @@ EXTENSIONS = (".usd", ".usda", ".usdc", ".usdz")
 
 
 def open_stage(
-    stage: Usd.Stage | str | os.PathLike[str],
-    mask: Iterable[str] | None = None,
-    session_layer: str | os.PathLike[str] | None = None,
+    stage: Usd.Stage | str | os.PathLike[str], options: LoadOptions | None = None
 ) -> Usd.Stage:
     """The stage to read: the given one, or a file opened with all its payloads.
 
-    ``mask``: prim paths; only they, their ancestors and descendants are there. ``session_layer``: a
-    layer file whose opinions are strongest. With either, a given stage is left alone and another
-    one is opened on its root layer. Raises :class:`Error` with the file for what cannot be opened.
+    With a mask, a session layer, variants, overrides or search paths a given stage is left alone
+    and another one is opened on its root layer. Raises :class:`Error` with the file for what cannot
+    be opened, and with the prim for edits of what is not there.
     """
+    options = options or LoadOptions()
+    edited = bool(options.variants or options.overrides)
     if isinstance(stage, Usd.Stage):
-        if mask is None and session_layer is None:
+        asked = (options.mask, options.session_layer, options.search_paths or None)
+        if not edited and all(option is None for option in asked):
             return stage
         root, session = stage.GetRootLayer(), stage.GetSessionLayer()
         context = stage.GetPathResolverContext()
+        with Ar.ResolverContextBinder(context):
+            context = _with_search_paths(context, options)
     else:
         name = os.fspath(stage)
-        root, session = _open_layer(name), None
-        context = Ar.GetResolver().CreateDefaultContextForAsset(root.realPath or name)
-    if session_layer is not None:
-        session = _open_layer(os.fspath(session_layer))
+        context = _with_search_paths(Ar.GetResolver().GetCurrentContext(), options)
+        with Ar.ResolverContextBinder(context):
+            root, session = _open_layer(name), None
+        if options.resolver == "root":
+            context = _with_search_paths(
+                Ar.GetResolver().CreateDefaultContextForAsset(root.realPath or name), options
+            )
+    if options.session_layer is not None:
+        session = _open_layer(os.fspath(options.session_layer))
+    if edited:
+        session = session_over(session)
     population = Usd.StagePopulationMask.All()
-    if mask is not None:
-        paths = [mask] if isinstance(mask, str) else mask
-        population = Usd.StagePopulationMask([_prim_path(path) for path in paths])
+    if options.mask is not None:
+        population = Usd.StagePopulationMask([_prim_path(path) for path in options.mask])
     try:
-        return Usd.Stage.OpenMasked(root, session, context, population, Usd.Stage.LoadAll)
+        opened = Usd.Stage.OpenMasked(root, session, context, population, Usd.Stage.LoadAll)
     except Tf.ErrorException as error:
         raise Error(f"{root.identifier}: {_reason(error)}") from None
+    choose_variants(opened, options.variants)
+    set_values(opened, options.overrides)
+    return opened
+
+
+def _with_search_paths(context: Ar.ResolverContext, options: LoadOptions) -> Ar.ResolverContext:
+    """A context that also looks in the folders asked for, after its own."""
+    if not options.search_paths:
+        return context
+    own = [c.GetSearchPath() for c in context.Get() if isinstance(c, Ar.DefaultResolverContext)]
+    added = [os.path.abspath(os.fspath(path)) for path in options.search_paths]
+    for folder in added:
+        if not os.path.isdir(folder):
+            raise Error(f"{folder}: no such folder to search")
+    return Ar.ResolverContext(Ar.DefaultResolverContext([*(own[0] if own else []), *added]))
 
 
 def _open_layer(name: str) -> Sdf.Layer:
@@ -117,12 +142,12 @@ def usd_diagnostics(report: Report) -> Iterator[None]:
             log.debug("USD: %s", text)
 
 
-def time_code(stage: Usd.Stage, frame: float | None) -> Usd.TimeCode:
-    """The time to read at: the frame; else the stage's start, if it has one, as usdrecord does;
-    else the earliest samples."""
+def time_code(stage: Usd.Stage, frame: float | str | None) -> Usd.TimeCode:
+    """The time to read at: the frame, or the default time; else the stage's start, if it has one,
+    as usdrecord does; else the earliest samples."""
+    if frame == "default":
+        return Usd.TimeCode.Default()
     if frame is not None:
-        if not math.isfinite(frame):
-            raise UsageError(f"frame must be a number, not {frame}")
         return Usd.TimeCode(float(frame))
     if stage.HasAuthoredMetadata("startTimeCode"):
         return Usd.TimeCode(stage.GetStartTimeCode())
