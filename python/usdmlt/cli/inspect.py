@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import json
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from usdmlt.cli.logs import add_verbosity
@@ -26,7 +28,12 @@ def add_parser(subparsers: Any) -> None:
         allow_abbrev=False,
     )
     view = add_view_flags(parser)
-    view.add_argument("--frame", metavar="TIME", type=float, help="time code (default: the start)")
+    times = view.add_mutually_exclusive_group()
+    times.add_argument("--frame", metavar="TIME", type=float, help="time code (default: the start)")
+    times.add_argument(
+        "--defaultTime", "-d", action="store_true", help="the values without time samples"
+    )
+    parser.add_argument("--json", action="store_true", help="print all of it as JSON")
     add_verbosity(parser)
     parser.set_defaults(run=run)
 
@@ -36,7 +43,11 @@ def run(arguments: argparse.Namespace) -> int:
     options = load_options(arguments)
     from usdmlt.stage import inspect
 
-    inspection = inspect(arguments.stage, frame=arguments.frame, **options)
+    frame = "default" if arguments.defaultTime else arguments.frame
+    inspection = inspect(arguments.stage, frame=frame, **options)
+    if arguments.json:
+        print(json.dumps(asdict(inspection), indent=2))
+        return 0
     for line in lines(inspection, everything=arguments.verbosity > 0):
         print(line)
     return 0

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from usdmlt.cli.frames import check_placeholder, frame_path, parse_frames
 from usdmlt.cli.logs import add_verbosity
+from usdmlt.cli.tracing import add_tracing_flags, tracing
 from usdmlt.cli.view import add_view_flags, load_options
 from usdmlt.errors import Error, UsageError
 from usdmlt.options import View
@@ -146,7 +147,13 @@ def add_parser(subparsers: Any) -> None:
         metavar="FILE.json",
         help="write the statistics there; with --frames its name holds a placeholder",
     )
+    add_tracing_flags(report)
     add_verbosity(report)
+    usdrecord = parser.add_argument_group("of usdrecord, without effect here")
+    usdrecord.add_argument("--disableGpu", action="store_true", help="no GPU is ever used")
+    usdrecord.add_argument(
+        "--renderer", "-r", choices=("usdmlt",), help="there is one; see --integrator"
+    )
     parser.set_defaults(run=run)
 
 
@@ -162,6 +169,11 @@ class Job:
 
 def run(arguments: argparse.Namespace) -> int:
     """Render every frame; the exit status."""
+    with tracing(arguments.traceToFile, arguments.traceFormat):
+        return _run(arguments)
+
+
+def _run(arguments: argparse.Namespace) -> int:
     from usdmlt import files
 
     given = _given(arguments)
