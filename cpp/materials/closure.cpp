@@ -3,7 +3,9 @@
 #include "materials/directional_albedo.hpp"
 #include "materials/layering.hpp"
 #include "materials/lobes/diffuse.hpp"
+#include "materials/lobes/eon.hpp"
 #include "materials/lobes/interface.hpp"
+#include "materials/lobes/sheen.hpp"
 #include "materials/lobes/translucent.hpp"
 
 namespace usdmlt {
@@ -18,6 +20,10 @@ Spectrum evaluate_lobe(const Lobe& lobe, Vec3f l, Vec3f e) {
             return diffuse_lobe::evaluate(lobe, l, e);
         case LobeType::translucent:
             return translucent_lobe::evaluate(lobe, l, e);
+        case LobeType::eon:
+            return eon_lobe::evaluate(lobe, l, e);
+        case LobeType::sheen:
+            return sheen_lobe::evaluate(lobe, l, e);
         default:
             return interface_lobe::evaluate(lobe, l, e);
     }
@@ -26,9 +32,12 @@ Spectrum evaluate_lobe(const Lobe& lobe, Vec3f l, Vec3f e) {
 float pdf_lobe(const Lobe& lobe, Vec3f known, Vec3f sampled) {
     switch (lobe.type) {
         case LobeType::diffuse:
+        case LobeType::eon:
             return diffuse_lobe::pdf(known, sampled);
         case LobeType::translucent:
             return translucent_lobe::pdf(known, sampled);
+        case LobeType::sheen:
+            return sheen_lobe::pdf(known, sampled);
         default:
             return interface_lobe::pdf(lobe, known, sampled);
     }
@@ -42,7 +51,7 @@ struct ValueAndPdf {
 
 ValueAndPdf scatter_lobe(const Lobe& lobe, Vec3f known, Vec3f sampled, Known role) {
     const Vec3f l = role == Known::eye ? sampled : known, e = role == Known::eye ? known : sampled;
-    if (lobe.type == LobeType::diffuse || lobe.type == LobeType::translucent)
+    if (is_diffuse(lobe.type) || lobe.type == LobeType::sheen)
         return {evaluate_lobe(lobe, l, e), pdf_lobe(lobe, known, sampled)};
     const interface_lobe::Pair pair = interface_lobe::join(lobe, known, sampled);
     if (!pair.joined) return {};
@@ -53,10 +62,14 @@ ValueAndPdf scatter_lobe(const Lobe& lobe, Vec3f known, Vec3f sampled, Known rol
 bool sample_lobe(const Lobe& lobe, Vec3f known, float u_lobe, Vec2f u, Vec3f& sampled) {
     switch (lobe.type) {
         case LobeType::diffuse:
+        case LobeType::eon:
             sampled = diffuse_lobe::sample(known, u);
             return true;
         case LobeType::translucent:
             sampled = translucent_lobe::sample(known, u);
+            return true;
+        case LobeType::sheen:
+            sampled = sheen_lobe::sample(known, u);
             return true;
         default:
             return interface_lobe::sample(lobe, known, u_lobe, u, sampled);
@@ -122,12 +135,13 @@ float scattering_estimate(const Closure& closure, int i, Vec3f w, const Passage&
         const interface_lobe::Split s = interface_lobe::split(lobe, std::fabs(w.z), w.z > 0);
         return mean(s.R) + mean(s.T);
     }
-    if (lobe.type == LobeType::diffuse || lobe.type == LobeType::translucent)
-        return mean(lobe.weight);
+    if (lobe.type == LobeType::eon) return mean(lobe.weight * lobe.color0);
+    if (is_diffuse(lobe.type)) return mean(lobe.weight);
     const Spectrum reflected =
         of_w.has_albedo >> i & 1 ? of_w.albedo[i] : reflection_albedo(lobe, w);
     Spectrum scattered;
-    if (lobe.reflects) scattered += reflected;
+    if (lobe.reflects)
+        scattered += lobe.type == LobeType::dielectric ? lobe.color0 * reflected : reflected;
     if (lobe.transmits) scattered += lobe.tint_transmission * (Spectrum(1.0f) - reflected);
     // Never so low that rare events of the lobe get a density far below their value.
     return std::max(mean(lobe.weight * scattered), 0.02f * mean(lobe.weight));

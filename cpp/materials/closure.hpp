@@ -31,6 +31,8 @@ enum class LobeType : uint8_t {
     dielectric,   // Fresnel of a real index; reflection and/or transmission
     conductor,    // Fresnel of a complex index; reflection
     schlick,      // generalised Schlick; reflection and/or transmission
+    eon,          // rough diffuse that keeps energy; reflection
+    sheen,        // standing fibres; reflection
 };
 
 // A component of a vertex: all non-Dirac lobes together, or one Dirac lobe's reflection or
@@ -46,6 +48,11 @@ inline constexpr Component delta_transmission(int lobe) {
 inline constexpr int lobe_of(Component component) { return (component - 1) / 2; }
 inline constexpr bool is_transmission(Component component) { return (component & 1) == 0; }
 
+// Lambert-like: broad, sampled by the cosine.
+inline constexpr bool is_diffuse(LobeType type) {
+    return type == LobeType::diffuse || type == LobeType::translucent || type == LobeType::eon;
+}
+
 inline constexpr int max_lobes = 8;
 inline constexpr uint8_t no_cover = 0xff;
 
@@ -56,14 +63,16 @@ struct Lobe {
     bool is_interface = false;  // bounds a medium of index eta: the side matters; otherwise
                                 // the lobe is two-sided and looks the same from below
     uint8_t cover = no_cover;   // innermost layer on top of this lobe (index into covers)
-    // GGX; for diffuse, alpha_x is the Oren–Nayar σ.
+    // GGX; for diffuse and eon, alpha_x is the roughness; for sheen see sheen.hpp.
     float alpha_x = 0, alpha_y = 0;
     float eta = 1;       // relative index of the inside (refraction, dielectric Fresnel)
     float exponent = 5;  // schlick
     float coverage = 1;  // scalar part of the weight: what it takes from layers below
     Spectrum weight{1.0f};
     Spectrum tint_transmission{1.0f};
-    Spectrum color0{}, color90{};  // schlick; conductor: eta and k
+    Spectrum color0{1.0f}, color90{};  // schlick; conductor: eta and k; eon: albedo; dielectric:
+                                       // tint of what it reflects
+    Spectrum edge{};  // schlick: what is taken off towards 82°, see fresnel.hpp
 };
 
 // A layer on top: what lies below is scaled by what it lets through both ways; see layering.hpp.

@@ -1,6 +1,7 @@
 #include "materials/closure_builder.hpp"
 
 #include "materials/layering.hpp"
+#include "materials/lobes/sheen.hpp"
 #include "materials/microfacet.hpp"
 
 namespace usdmlt {
@@ -59,18 +60,29 @@ void ClosureBuilder::push_lobe(Lobe lobe) {
         case LobeType::schlick:
             lobe.color0 = at_most_one(non_negative(lobe.color0));
             lobe.color90 = at_most_one(non_negative(lobe.color90));
+            lobe.edge = non_negative(lobe.edge);
             lobe.exponent = lobe.exponent > 0 ? lobe.exponent : 0.0f;
             set_roughness(lobe);
             break;
         case LobeType::dielectric:
+            lobe.color0 = at_most_one(non_negative(lobe.color0));
             set_roughness(lobe);
+            break;
+        case LobeType::eon:
+            lobe.transmits = lobe.is_interface = false;
+            lobe.color0 = at_most_one(non_negative(lobe.color0));
+            lobe.alpha_x = unit_interval(lobe.alpha_x);
+            break;
+        case LobeType::sheen:
+            lobe.transmits = lobe.is_interface = false;
+            lobe.alpha_x = unit_interval(lobe.alpha_x);
+            sheen_lobe::prepare(lobe);
             break;
     }
     closure_.lobes[closure_.lobe_count++] = lobe;
 }
 
-void ClosureBuilder::scale(Operand& operand, int lobe_last, int cover_last,
-                           const Spectrum& factor) {
+void ClosureBuilder::scale(Part& operand, int lobe_last, int cover_last, const Spectrum& factor) {
     // Layers inside keep what they let through: only how much of it all there is changes.
     const float share = max_component(factor);
     for (int i = operand.lobe_first; i < lobe_last; ++i) {
@@ -93,7 +105,7 @@ void ClosureBuilder::add() {
 
 void ClosureBuilder::mix(float foreground_share) {
     const float share = unit_interval(foreground_share);
-    Operand &foreground = operand(2), &background = operand(1);
+    Part &foreground = operand(2), &background = operand(1);
     scale(foreground, background.lobe_first, background.cover_first, Spectrum(share));
     scale(background, closure_.lobe_count, closure_.cover_count, Spectrum(1 - share));
     add();
@@ -101,7 +113,7 @@ void ClosureBuilder::mix(float foreground_share) {
 
 // Emission passes layers unchanged: a closure emits the same in all directions.
 void ClosureBuilder::layer() {
-    const Operand &top = operand(2), &base = operand(1);
+    const Part &top = operand(2), &base = operand(1);
     if (top.lobe_first < base.lobe_first && base.lobe_first < closure_.lobe_count) {
         const int c = closure_.cover_count++;
         closure_.covers[c] =

@@ -45,18 +45,19 @@ public:
     void finish();
 
 private:
-    struct Operand {
+    // Not the Operand of pattern programs: a closure in the making.
+    struct Part {
         int lobe_first, cover_first;
         Spectrum emission;
     };
-    Operand& operand(int from_end) { return operands_[count_ - from_end]; }
+    Part& operand(int from_end) { return operands_[count_ - from_end]; }
     void push_operand(const Spectrum& emission);
-    void scale(Operand& operand, int lobe_last, int cover_last, const Spectrum& factor);
+    void scale(Part& operand, int lobe_last, int cover_last, const Spectrum& factor);
     void drop_black_lobes();
 
     Closure& closure_;
     int count_ = 0;
-    Operand operands_[max_operands];
+    Part operands_[max_operands];
 };
 
 }  // namespace usdmlt

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "materials/lobes/interface.hpp"
+#include "materials/lobes/sheen.hpp"
 #include "materials/microfacet.hpp"
 
 namespace usdmlt {
@@ -193,7 +194,9 @@ Spectrum albedo(const Lobe& lobe, const MicrofacetCosines::Entry& entry, bool ab
                 power = mean_over(entry, [](float c) { return schlick_power(c, 5); });
             else
                 power = mean_over(entry, [&](float c) { return schlick_power(c, p); });
-            return (lobe.color0 * (1 - power) + lobe.color90 * power) * entry.total;
+            Spectrum f = lobe.color0 * (1 - power) + lobe.color90 * power;
+            if (!is_black(lobe.edge)) f = f - lobe.edge * mean_over(entry, edge_curve);
+            return f * entry.total;
         }
         case LobeType::conductor:  // changes little with the angle: at the mean angle
             return entry.total *
@@ -203,15 +206,84 @@ Spectrum albedo(const Lobe& lobe, const MicrofacetCosines::Entry& entry, bool ab
     }
 }
 
+// Albedos of sheen over (√|ω_z|, √roughness), and their cosine-weighted means.
+class SheenAlbedos {
+public:
+    SheenAlbedos() {
+        for (int j = 0; j < roughnesses; ++j) {
+            Lobe lobe{LobeType::sheen};
+            lobe.alpha_x = sqr(float(j) / (roughnesses - 1));
+            sheen_lobe::prepare(lobe);
+            for (int i = 0; i < directions; ++i)
+                at_[j][i] = integral(lobe, std::fmax(sqr(float(i) / (directions - 1)), 1e-4f));
+            means_[j] = 0;
+            constexpr int n = 16;
+            for (int i = 0; i < n; ++i) {
+                const float c = (float(i) + 0.5f) / n;
+                means_[j] += integral(lobe, c) * 2 * c / n;
+            }
+        }
+    }
+
+    float at(float cosine, float roughness) const {
+        float fi, fj;
+        const int i = cell(std::sqrt(cosine), directions, fi);
+        const int j = cell(std::sqrt(roughness), roughnesses, fj);
+        return lerp(lerp(at_[j][i], at_[j][i + 1], fi), lerp(at_[j + 1][i], at_[j + 1][i + 1], fi),
+                    fj);
+    }
+    float mean(float roughness) const {
+        float fj;
+        const int j = cell(std::sqrt(roughness), roughnesses, fj);
+        return lerp(means_[j], means_[j + 1], fj);
+    }
+
+private:
+    static constexpr int directions = 25, roughnesses = 25;
+
+    // Midpoints in cosθ² and half of the azimuths, the other half mirrors it.
+    static float integral(const Lobe& lobe, float cosine) {
+        const Vec3f e{safe_sqrt(1 - sqr(cosine)), 0, cosine};
+        constexpr int n_z = 32, n_phi = 24;
+        float sum = 0;
+        for (int i = 0; i < n_z; ++i) {
+            const float v = (float(i) + 0.5f) / n_z, z = sqr(v), r = safe_sqrt(1 - sqr(z));
+            for (int j = 0; j < n_phi; ++j) {
+                const float phi = pi * (float(j) + 0.5f) / n_phi;
+                sum += sheen_lobe::value(lobe, {r * std::cos(phi), r * std::sin(phi), z}, e) * z *
+                       2 * v;
+            }
+        }
+        return sum * 2 * pi / (n_z * n_phi);
+    }
+
+    static int cell(float x, int nodes, float& fraction) {
+        const float scaled = clamp01(x) * float(nodes - 1);
+        const int i = std::min(int(scaled), nodes - 2);
+        fraction = scaled - float(i);
+        return i;
+    }
+
+    float at_[roughnesses][directions], means_[roughnesses];
+};
+
+const SheenAlbedos& sheen_albedos() {
+    static const SheenAlbedos table;
+    return table;
+}
+
 }  // namespace
 
 Spectrum reflection_albedo(const Lobe& lobe, Vec3f w) {
+    if (lobe.type == LobeType::sheen)
+        return Spectrum(sheen_albedos().at(std::fabs(w.z), lobe.alpha_x));
     const bool above = w.z > 0;
     if (lobe.delta) return interface_lobe::reflectance(lobe, std::fabs(w.z), above);
     return albedo(lobe, cosines_of(lobe, w), above);
 }
 
 Spectrum average_reflection_albedo(const Lobe& lobe) {
+    if (lobe.type == LobeType::sheen) return Spectrum(sheen_albedos().mean(lobe.alpha_x));
     return albedo(lobe, microfacet_cosines().mean(lobe.delta ? 0 : lobe.alpha_x), true);
 }
 

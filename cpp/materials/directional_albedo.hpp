@@ -7,9 +7,9 @@
 
 namespace usdmlt {
 
-// E of a dielectric, conductor or Schlick lobe that reflects, its weight not included. `w` is
-// local. Exact for smooth lobes; for rough ones from a table that is computed at the first call (20
-// ms), within 0.01 but for grazing angles on almost smooth surfaces (0.02) and total reflection
+// E of a dielectric, conductor, Schlick or sheen lobe that reflects, its weight not included. `w`
+// is local. Exact for smooth lobes; for rough ones from a table that is computed at the first call
+// (20 ms), within 0.01 but for grazing angles on almost smooth surfaces (0.02) and total reflection
 // (0.03).
 Spectrum reflection_albedo(const Lobe& lobe, Vec3f w);
 

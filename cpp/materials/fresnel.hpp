@@ -52,4 +52,18 @@ inline Spectrum fresnel_schlick(float cos_i, const Spectrum& f0, const Spectrum&
     return f0 + (f90 - f0) * schlick_power(cos_i, exponent);
 }
 
+// A tint at about 82°, where cosθ = 1/7 (Hoffman 2023, "Generalization of Adobe's Fresnel model"):
+// Schlick's F less edge · cosθ (1 − cosθ)⁶, with the edge for which F is F_Schlick · tint there.
+inline float edge_curve(float cos_i) {
+    return cos_i * sqr(sqr(clamp01(1 - cos_i))) * sqr(1 - cos_i);
+}
+inline Spectrum schlick_edge(const Spectrum& f0, const Spectrum& f90, float exponent,
+                             const Spectrum& tint) {
+    constexpr float cosine = 1.0f / 7;
+    const Spectrum there = fresnel_schlick(cosine, f0, f90, exponent);
+    Spectrum edge;
+    for (int i = 0; i < 3; ++i) edge[i] = there[i] * (1 - clamp01(tint[i])) / edge_curve(cosine);
+    return edge;
+}
+
 }  // namespace usdmlt

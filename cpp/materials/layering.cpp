@@ -6,12 +6,8 @@ namespace usdmlt {
 
 namespace {
 
-bool is_diffuse(const Lobe& lobe) {
-    return lobe.type == LobeType::diffuse || lobe.type == LobeType::translucent;
-}
-
 bool lets_nothing_pass(const Lobe& lobe) {
-    return lobe.transmits || is_diffuse(lobe) || lobe.type == LobeType::conductor;
+    return lobe.transmits || is_diffuse(lobe.type) || lobe.type == LobeType::conductor;
 }
 
 Spectrum min(const Spectrum& a, const Spectrum& b) {
@@ -100,7 +96,7 @@ void Passage::compute(const Closure& closure, Vec3f w) {
 Spectrum coupling(const Closure& closure, const Lobe& lobe, Vec3f l, const Passage& of_l, Vec3f e,
                   const Passage& of_e) {
     const Spectrum &t_l = of_l.through[lobe.cover], &t_e = of_e.through[lobe.cover];
-    if (!is_diffuse(lobe)) return min(t_l, t_e);
+    if (!is_diffuse(lobe.type)) return min(t_l, t_e);
     const Cover& cover = closure.covers[lobe.cover];
     // Across the surface the sides may differ: the greater mean keeps both directions within 1.
     const Spectrum average = max(cover.average[l.z > 0 ? 0 : 1], cover.average[e.z > 0 ? 0 : 1]);
@@ -113,11 +109,11 @@ void average_covers(Closure& closure) {
     bool wanted = false, sided = false, anisotropic = false;
     for (int i = 0; i < closure.lobe_count; ++i) {
         const Lobe& lobe = closure.lobes[i];
-        if (is_diffuse(lobe)) {
+        if (is_diffuse(lobe.type)) {
             wanted |= lobe.cover != no_cover;
         } else {
             sided |= lobe.is_interface;
-            anisotropic |= lobe.alpha_x != lobe.alpha_y;
+            anisotropic |= lobe.type != LobeType::sheen && lobe.alpha_x != lobe.alpha_y;
         }
     }
     if (!wanted) return;

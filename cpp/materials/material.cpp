@@ -4,49 +4,11 @@
 #include <stdexcept>
 
 #include "materials/closure_builder.hpp"
-#include "materials/preview_surface.hpp"
+#include "materials/nodes.hpp"
 
 namespace usdmlt {
 
 namespace {
-
-// What an operation takes and leaves; `lobes` is the most it can push.
-struct Arity {
-    int parameters, operands, lobes;
-};
-
-// A scale that is certainly 0, or certainly 1, everywhere.
-bool always(const Parameter& p, float value) {
-    return p.is_constant() && p.value[0] == value && p.value[1] == value && p.value[2] == value;
-}
-
-Arity arity(const Material& material, const Operation& op) {
-    switch (op.type) {
-        case OperationType::diffuse:
-            return {3, 0, 1};
-        case OperationType::translucent:
-            return {2, 0, 1};
-        case OperationType::dielectric:
-        case OperationType::conductor:
-            return {5, 0, 1};
-        case OperationType::schlick:
-            return {6, 0, 1};
-        case OperationType::emission:
-            return {1, 0, 0};
-        case OperationType::preview_surface: {
-            const Parameter* p = material.parameters.data() + op.parameter;
-            return {9, 0, 2 + (always(p[5], 0) ? 0 : 1) + (always(p[7], 1) ? 0 : 1)};
-        }
-        case OperationType::layer:
-        case OperationType::add:
-            return {0, 2, 0};
-        case OperationType::mix:
-            return {1, 2, 0};
-        case OperationType::multiply:
-            return {1, 1, 0};
-    }
-    return {};
-}
 
 [[noreturn]] void fail(const Material& material, const std::string& what) {
     throw std::invalid_argument("material '" + material.name + "' " + what);
@@ -55,10 +17,7 @@ Arity arity(const Material& material, const Operation& op) {
 void check(const Materials& materials, const Material& material) {
     int operands = 0, lobes = 0;
     for (const Operation& op : material.operations) {
-        // A preview surface's arity depends on its parameters: see that they are there first.
-        const size_t first = op.parameter, count = material.parameters.size();
-        if (first > count || (op.type == OperationType::preview_surface && first + 9 > count) ||
-            first + size_t(arity(material, op).parameters) > count)
+        if (op.parameter + size_t(parameter_count(op.type)) > material.parameters.size())
             fail(material, "has an operation without its parameters");
         const Arity a = arity(material, op);
         if (operands < a.operands) fail(material, "has an operation without its operands");
@@ -71,118 +30,17 @@ void check(const Materials& materials, const Material& material) {
     if (lobes > max_lobes)
         fail(material, "has " + std::to_string(lobes) + " lobes; at most " +
                            std::to_string(max_lobes) + " are supported");
-    if (material.reads.size() > size_t(max_texture_reads))
-        fail(material, "reads " + std::to_string(material.reads.size()) + " textures; at most " +
-                           std::to_string(max_texture_reads) + " are supported");
-    for (const TextureRead& read : material.reads)
-        if (read.texture >= materials.textures.size())
+    const auto check_texture = [&](uint32_t texture) {
+        if (texture >= materials.textures.size())
             fail(material, "reads a texture that is not in the scene");
-    const auto check_parameter = [&](const Parameter& p) {
-        if (p.source == Parameter::Source::texture && p.index >= material.reads.size())
-            fail(material, "has a parameter without its texture");
     };
-    std::for_each(material.parameters.begin(), material.parameters.end(), check_parameter);
-    check_parameter(material.opacity);
-    check_parameter(material.normal);
-}
-
-Lobe make_lobe(const Material& material, const Operation& op, ParameterReader& read) {
-    const Parameter* p = material.parameters.data() + op.parameter;
-    const auto weighted = [&](Lobe& lobe, const Spectrum& color, const Parameter& weight) {
-        lobe.coverage = unit_interval(read.number(weight));
-        lobe.weight = color * lobe.coverage;
-    };
-    const auto rough = [&](Lobe& lobe, const Parameter& x, const Parameter& y) {
-        lobe.alpha_x = read.number(x);
-        lobe.alpha_y = read.number(y);
-    };
-    Lobe lobe{};
-    lobe.reflects = op.reflects;
-    lobe.transmits = op.transmits;
-    switch (op.type) {
-        case OperationType::translucent:
-            lobe.type = LobeType::translucent;
-            weighted(lobe, read.color(p[0]), p[1]);
-            break;
-        case OperationType::dielectric:
-            lobe.type = LobeType::dielectric;
-            lobe.eta = sane_index(read.number(p[0]));
-            lobe.is_interface = material.has_interface;
-            rough(lobe, p[1], p[2]);
-            weighted(lobe, read.color(p[3]), p[4]);
-            break;
-        case OperationType::conductor:
-            lobe.type = LobeType::conductor;
-            lobe.color0 = read.color(p[0]);
-            lobe.color90 = read.color(p[1]);
-            rough(lobe, p[2], p[3]);
-            weighted(lobe, Spectrum(1.0f), p[4]);
-            break;
-        case OperationType::schlick: {
-            lobe.type = LobeType::schlick;
-            lobe.color0 = read.color(p[0]);
-            lobe.color90 = read.color(p[1]);
-            lobe.exponent = read.number(p[2]);
-            rough(lobe, p[3], p[4]);
-            weighted(lobe, Spectrum(1.0f), p[5]);
-            // The index whose normal reflectance is the mean of color0.
-            const float r = std::sqrt(unit_interval(mean(lobe.color0)));
-            lobe.eta = sane_index((1 + r) / std::max(1 - r, 1e-2f));
-            break;
-        }
-        default:
-            lobe.type = LobeType::diffuse;
-            weighted(lobe, read.color(p[0]), p[1]);
-            lobe.alpha_x = read.number(p[2]);
+    for (const TileSet& set : material.program.tile_sets)
+        for (const TileSet::Tile& tile : set.tiles) check_texture(tile.texture);
+    for (const Instruction& i : material.program.instructions) {
+        if (i.node == find_node("texture")) check_texture(i.data);
+        if (i.node == find_node("udim") && i.data >= material.program.tile_sets.size())
+            fail(material, "reads a tile set that it does not have");
     }
-    return lobe;
-}
-
-PreviewSurfaceInputs preview_surface_inputs(const Material& material, const Operation& op,
-                                            ParameterReader& read) {
-    const Parameter* p = material.parameters.data() + op.parameter;
-    PreviewSurfaceInputs in;
-    in.diffuse_color = non_negative(read.color(p[0]));
-    in.emissive_color = read.color(p[1]);
-    in.specular_color = read.color(p[2]);
-    in.metallic = read.number(p[3]);
-    in.roughness = unit_interval(read.number(p[4]));
-    in.clearcoat = read.number(p[5]);
-    in.clearcoat_roughness = unit_interval(read.number(p[6]));
-    in.opacity = read.number(p[7]);
-    in.ior = read.number(p[8]);
-    in.specular_workflow = op.specular_workflow;
-    return in;
-}
-
-void run(const Material& material, ParameterReader& read, Closure& closure) {
-    ClosureBuilder builder(closure);
-    for (const Operation& op : material.operations) {
-        const Parameter* p = material.parameters.data() + op.parameter;
-        switch (op.type) {
-            case OperationType::emission:
-                builder.push_emission(read.color(p[0]));
-                break;
-            case OperationType::preview_surface:
-                push_preview_surface(builder, preview_surface_inputs(material, op, read));
-                break;
-            case OperationType::layer:
-                builder.layer();
-                break;
-            case OperationType::mix:
-                builder.mix(read.number(p[0]));
-                break;
-            case OperationType::add:
-                builder.add();
-                break;
-            case OperationType::multiply:
-                builder.multiply(read.color(p[0]));
-                break;
-            default:
-                builder.push_lobe(make_lobe(material, op, read));
-        }
-    }
-    builder.finish();
 }
 
 // The tangent-space normal in the frame of the surface: x along ∂p/∂s, y along ∂p/∂t. Where the
@@ -217,6 +75,36 @@ TextureTriangle texture_triangle(const Mesh& mesh, uint32_t triangle, uint32_t s
     return t;
 }
 
+// The frame turned about its normal, counter-clockwise.
+Frame turned(const Frame& frame, float turns) {
+    const float c = std::cos(2 * pi * turns), s = std::sin(2 * pi * turns);
+    Frame out = frame;
+    out.x = frame.x * c + frame.y * s;
+    out.y = frame.y * c - frame.x * s;
+    return out;
+}
+
+// The operands that the emission depends on: colours of light, and what mixes and scales it.
+std::vector<Operand> emission_operands(const Material& material) {
+    std::vector<Operand> wanted;
+    for (const Operation& op : material.operations) {
+        const Operand* p = material.parameters.data() + op.parameter;
+        switch (op.type) {
+            case OperationType::emission:
+            case OperationType::mix:
+            case OperationType::multiply:
+                wanted.push_back(p[0]);
+                break;
+            case OperationType::preview_surface:
+                wanted.push_back(p[1]);
+                break;
+            default:
+                break;
+        }
+    }
+    return wanted;
+}
+
 }  // namespace
 
 void finish_material(Materials& materials, uint32_t index) {
@@ -226,53 +114,62 @@ void finish_material(Materials& materials, uint32_t index) {
     material.has_interface = false;
     bool may_emit = false;
     for (const Operation& op : material.operations) {
-        const Parameter* p = material.parameters.data() + op.parameter;
+        const Operand* p = material.parameters.data() + op.parameter;
         const bool is_preview = op.type == OperationType::preview_surface;
-        material.has_interface |= op.transmits || (is_preview && !always(p[7], 1));
-        if (op.type == OperationType::emission) may_emit |= !always(p[0], 0);
-        if (is_preview) may_emit |= !always(p[1], 0);
+        material.has_interface |= op.transmits || (is_preview && !always(material, p[7], 1));
+        if (op.type == OperationType::emission) may_emit |= !always(material, p[0], 0);
+        if (is_preview) may_emit |= !always(material, p[1], 0);
     }
+    material.has_interface &= !material.thin_walled;
 
-    const auto is_constant = [](const Parameter& p) { return p.is_constant(); };
-    material.is_constant =
-        std::all_of(material.parameters.begin(), material.parameters.end(), is_constant);
+    std::vector<Operand> scattering = material.parameters;
+    if (material.has_normal_map) scattering.push_back(material.normal);
+    scattering.push_back(material.tangent_rotation);
+    material.scattering_schedule = material.program.schedule(scattering);
+    material.emission_schedule = material.program.schedule(emission_operands(material));
+    material.opacity_schedule = material.program.schedule({&material.opacity, 1});
+
+    material.is_constant = std::all_of(material.parameters.begin(), material.parameters.end(),
+                                       [](Operand o) { return o.is_constant(); });
     material.is_emissive = may_emit;
     if (material.is_constant) {
         const Mesh nowhere;
-        ParameterReader read(materials.textures, material.reads, {nowhere, 0, 0, 0});
-        run(material, read, material.folded);
+        run_operations(material,
+                       Values(material.program, materials.textures, {nowhere, 0, 0, 0}, {}),
+                       material.folded);
         material.is_emissive = !is_black(material.folded.emission);
     }
 
-    material.is_opaque =
-        material.opacity.is_constant() &&
-        (material.opacity_threshold > 0 ? material.opacity.value[0] >= material.opacity_threshold
-                                        : material.opacity.value[0] >= 1);
+    material.is_opaque = false;
+    if (material.opacity.is_constant()) {
+        const float value = material.program.constants[material.opacity.slot()][0];
+        material.is_opaque =
+            material.opacity_threshold > 0 ? value >= material.opacity_threshold : value >= 1;
+    }
 }
 
 void evaluate_material(const Materials& materials, uint32_t index, const Mesh& mesh,
                        uint32_t triangle, float b1, float b2, const Vec3f& dpds, Closure& closure,
                        bool mirrored) {
     const Material& material = materials.materials[index];
-    if (material.is_constant && material.tangent_primvar == invalid_index) {
-        closure.copy_scattering(material.folded);
-        return;
-    }
-    ParameterReader read(materials.textures, material.reads, {mesh, triangle, b1, b2});
-    if (material.is_constant)
-        closure.copy_scattering(material.folded);
-    else
-        run(material, read, closure);
+    if (material.is_constant) closure.copy_scattering(material.folded);
+    if (material.is_constant && material.tangent_primvar == invalid_index) return;
+    const Values values(material.program, materials.textures, {mesh, triangle, b1, b2},
+                        material.scattering_schedule);
+    if (!material.is_constant) run_operations(material, values, closure);
     if (material.tangent_primvar == invalid_index) return;
 
     closure.shading = Frame::from_normal_and_tangent(closure.shading.z, dpds);
-    if (!material.has_normal_map) return;
-    // y of the frame is z × x; ∂p/∂t is on the other side where the texture is mirrored.
-    const bool flipped =
-        (texture_triangle(mesh, triangle, material.tangent_primvar).area < 0) != mirrored;
-    const Vec3f normal = mapped_normal(read.color(material.normal), closure.shading, flipped,
-                                       closure.geometric_normal);
-    closure.shading = Frame::from_normal_and_tangent(normal, dpds);
+    if (material.has_normal_map) {
+        // y of the frame is z × x; ∂p/∂t is on the other side where the texture is mirrored.
+        const bool flipped =
+            (texture_triangle(mesh, triangle, material.tangent_primvar).area < 0) != mirrored;
+        const Vec3f normal = mapped_normal(values.color(material.normal), closure.shading, flipped,
+                                           closure.geometric_normal);
+        closure.shading = Frame::from_normal_and_tangent(normal, dpds);
+    }
+    const float turns = values.number(material.tangent_rotation);
+    if (turns != 0 && std::isfinite(turns)) closure.shading = turned(closure.shading, turns);
 }
 
 Spectrum emission(const Materials& materials, uint32_t index, const Mesh& mesh, uint32_t triangle,
@@ -280,45 +177,17 @@ Spectrum emission(const Materials& materials, uint32_t index, const Mesh& mesh, 
     const Material& material = materials.materials[index];
     if (material.is_constant) return material.folded.emission;
     if (!material.is_emissive) return Spectrum();
-    ParameterReader read(materials.textures, material.reads, {mesh, triangle, b1, b2});
-    Spectrum stack[ClosureBuilder::max_operands];
-    int count = 0;
-    for (const Operation& op : material.operations) {
-        const Parameter* p = material.parameters.data() + op.parameter;
-        switch (op.type) {
-            case OperationType::emission:
-                stack[count++] = non_negative(read.color(p[0]));
-                break;
-            case OperationType::preview_surface:
-                stack[count++] = non_negative(read.color(p[1]));
-                break;
-            case OperationType::mix: {
-                const float share = unit_interval(read.number(p[0]));
-                --count;
-                stack[count - 1] = stack[count - 1] * share + stack[count] * (1 - share);
-                break;
-            }
-            case OperationType::layer:
-            case OperationType::add:
-                --count;
-                stack[count - 1] += stack[count];
-                break;
-            case OperationType::multiply:
-                stack[count - 1] *= non_negative(read.color(p[0]));
-                break;
-            default:
-                stack[count++] = Spectrum();
-        }
-    }
-    return count > 0 ? stack[0] : Spectrum();
+    return run_emission(material, Values(material.program, materials.textures,
+                                         {mesh, triangle, b1, b2}, material.emission_schedule));
 }
 
 float opacity(const Materials& materials, uint32_t index, const Mesh& mesh, uint32_t triangle,
               float b1, float b2) {
     const Material& material = materials.materials[index];
     if (material.is_opaque) return 1;
-    ParameterReader read(materials.textures, material.reads, {mesh, triangle, b1, b2});
-    const float value = read.number(material.opacity);
+    const Values values(material.program, materials.textures, {mesh, triangle, b1, b2},
+                        material.opacity_schedule);
+    const float value = values.number(material.opacity);
     if (material.opacity_threshold > 0) return value >= material.opacity_threshold ? 1.0f : 0.0f;
     return unit_interval(value);
 }

@@ -1,9 +1,8 @@
-// Materials: small programs that make the closure of a surface point from constants, textures and
-// primvars.
+// Materials: what makes the closure of a surface point from constants, textures and primvars.
 //
-// A program is a closure tree in postfix order. Lobe operations push lobes; layer, mix, add and
-// multiply combine the last one or two operands. It runs once per path vertex; programs that do not
-// depend on the position run once when the material is finished, and are copied per vertex.
+// A pattern program computes the inputs, operations make lobes of them. Both run once per path
+// vertex; materials that do not depend on the position are run once when they are finished, and
+// their closure is copied per vertex.
 #pragma once
 
 #include <cstdint>
@@ -12,43 +11,23 @@
 
 #include "geometry/mesh.hpp"
 #include "materials/closure.hpp"
-#include "materials/parameter.hpp"
+#include "materials/operations.hpp"
+#include "materials/program.hpp"
 #include "materials/texture.hpp"
 
 namespace usdmlt {
 
-// Parameters of each operation, in this order, start at Operation::parameter.
-enum class OperationType : uint8_t {
-    diffuse,          // color, weight, roughness
-    translucent,      // color, weight
-    dielectric,       // ior, roughness x, roughness y, tint, weight
-    conductor,        // ior, extinction, roughness x, roughness y, weight
-    schlick,          // color0, color90, exponent, roughness x, roughness y, weight
-    emission,         // color
-    preview_surface,  // diffuseColor, emissiveColor, specularColor, metallic, roughness,
-                      // clearcoat, clearcoatRoughness, opacity, ior
-    layer,            // top, base →
-    mix,              // foreground, background → ; mix
-    add,              // a, b →
-    multiply,         // closure → ; factor
-};
-
-struct Operation {
-    OperationType type;
-    bool reflects = true, transmits = false;  // dielectric, schlick: the scatter mode
-    bool specular_workflow = false;           // preview_surface
-    uint32_t parameter = 0;                   // first of its parameters
-};
-
 struct Material {
     std::string name;
     std::vector<Operation> operations;  // empty: absorbs
-    std::vector<Parameter> parameters;
-    std::vector<TextureRead> reads;
-    Parameter opacity{.value = Spectrum(1.0f)};
+    Program program;
+    std::vector<Operand> parameters;  // of the operations
+    Operand opacity;
     float opacity_threshold = 0;  // > 0: cut-out, there where opacity ≥ threshold
-    Parameter normal;             // tangent space, [−1, 1]
+    Operand normal;               // tangent space, [−1, 1]
     bool has_normal_map = false;
+    bool thin_walled = false;                  // bounds no medium: both sides are the outside
+    Operand tangent_rotation;                  // turns, about the shading normal
     uint32_t tangent_primvar = invalid_index;  // slot of the (s, t) that +s tangents come from
 
     // Set by finish_material.
@@ -56,6 +35,7 @@ struct Material {
     bool has_interface = false;  // something refracts: reflecting lobes see sides
     bool is_emissive = false;
     bool is_opaque = true;
+    Schedule scattering_schedule, emission_schedule, opacity_schedule;
     Closure folded;
 };
 

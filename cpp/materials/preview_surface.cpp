@@ -51,6 +51,7 @@ void push_preview_surface(ClosureBuilder& builder, const PreviewSurfaceInputs& i
     Lobe refraction{LobeType::schlick};
     refraction.reflects = false;
     refraction.transmits = true;
+    refraction.color0 = Spectrum();
     refraction.eta = eta;
     refraction.weight = Spectrum(transmission);
 

@@ -9,9 +9,6 @@ namespace usdmlt {
 
 namespace {
 
-// Reads of four channels at the last pixel of a texture with fewer stay inside the array.
-constexpr size_t padding = 3;
-
 // Index of a texel in [0, size), or −1: outside, black.
 int wrap_index(int i, int size, Wrap wrap) {
     if (i >= 0 && i < size) return i;
@@ -47,43 +44,52 @@ float reduce_coordinate(float s, Wrap wrap) {
     return std::clamp(s, -4.0f, 4.0f);
 }
 
-// Stored channels to (r, g, b, a); `there` is the alpha of an image that has none.
-Texel expand(const float v[4], int channels, float there) {
-    switch (channels) {
-        case 1:
-            return {{v[0], v[0], v[0], there}};
-        case 2:
-            return {{v[0], v[0], v[0], v[1]}};
-        case 3:
-            return {{v[0], v[1], v[2], there}};
-        default:
-            return {{v[0], v[1], v[2], v[3]}};
+}  // namespace
+
+// All stored channels, decoded.
+void Texture::read(int column, int row, float out[4]) const {
+    const size_t i = (size_t(row) * size_t(width) + size_t(column)) * size_t(channels);
+    const int colors = channels < 3 ? 1 : 3;
+    const auto decoded = [&](const auto* stored, float top) {
+        for (int k = 0; k < channels; ++k)
+            out[k] = decode && k < colors ? decode.get()[stored[k]] : float(stored[k]) * (1 / top);
+    };
+    switch (depth) {
+        case Depth::byte:
+            decoded(static_cast<const uint8_t*>(pixels.get()) + i, 255.0f);
+            break;
+        case Depth::word:
+            decoded(static_cast<const uint16_t*>(pixels.get()) + i, 65535.0f);
+            break;
+        case Depth::half: {
+            const uint16_t* halves = static_cast<const uint16_t*>(pixels.get()) + i;
+            if (channels == 4)
+                halves_to_floats(halves, out);
+            else
+                for (int k = 0; k < channels; ++k) out[k] = half_to_float(halves[k]);
+            break;
+        }
+        case Depth::single:
+            std::memcpy(out, static_cast<const float*>(pixels.get()) + i,
+                        size_t(channels) * sizeof(float));
     }
 }
 
-}  // namespace
-
-void Texture::resize(int new_width, int new_height, int new_channels, bool half) {
-    width = new_width;
-    height = new_height;
-    channels = new_channels;
-    const size_t count = size_t(width) * size_t(height) * size_t(channels) + padding;
-    halves.assign(half ? count : 0, 0);
-    floats.assign(half ? 0 : count, 0.0f);
-}
-
-void Texture::read(int column, int row, float out[4]) const {
-    const size_t i = (size_t(row) * size_t(width) + size_t(column)) * size_t(channels);
-    if (!halves.empty())
-        halves_to_floats(halves.data() + i, out);
-    else
-        std::memcpy(out, floats.data() + i, 4 * sizeof(float));
+// Stored channels to (r, g, b, a); `there` is the alpha of an image that has none.
+Texel Texture::finish(const float v[4], float there) const {
+    if (channels < 3) return {{v[0], v[0], v[0], channels == 2 ? v[1] : there}};
+    const float alpha = channels == 4 ? v[3] : there;
+    if (!has_matrix) return {{v[0], v[1], v[2], alpha}};
+    const auto row = [&](int i) {
+        return matrix[i] * v[0] + matrix[i + 1] * v[1] + matrix[i + 2] * v[2];
+    };
+    return {{row(0), row(3), row(6), alpha}};
 }
 
 Texel Texture::texel(int column, int row) const {
     float v[4];
     read(column, row, v);
-    return expand(v, channels, 1);
+    return finish(v, 1);
 }
 
 Texel Texture::lookup(Vec2f st) const {
@@ -106,10 +112,10 @@ Texel Texture::lookup(Vec2f st) const {
             if (columns[i] < 0 || rows[j] < 0 || w == 0) continue;
             float v[4];
             read(columns[i], rows[j], v);
-            for (int k = 0; k < 4; ++k) sum[k] += w * v[k];
+            for (int k = 0; k < channels; ++k) sum[k] += w * v[k];
             there += w;
         }
-    return expand(sum, channels, there);
+    return finish(sum, there);
 }
 
 }  // namespace usdmlt

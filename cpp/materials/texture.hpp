@@ -1,10 +1,14 @@
 // Images that materials and lights read: linear colours of the rendering space, bilinear lookup.
+//
+// Pixels stay as they are stored (8 or 16 bits, half, float) and are decoded as they are read, so
+// that an 8-bit image takes a quarter of what floats would, and images that several materials or
+// wrap modes share exist once.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <string>
-#include <vector>
 
 #include "base/vec.hpp"
 
@@ -18,17 +22,23 @@ struct Texel {
 };
 
 // Texture coordinate (0, 0) is the lower left corner of the image; row 0 of the data is on top.
-// Either `halves` (IEEE binary16) or `floats` holds the pixels, channels interleaved.
 struct Texture {
+    enum class Depth : uint8_t { byte, word, half, single };
+
     std::string name;
     int width = 0, height = 0;
     int channels = 0;  // 1 grey, 2 grey and alpha, 3 rgb, 4 rgb and alpha; alpha is 1 if absent
     Wrap wrap_s = Wrap::repeat, wrap_t = Wrap::repeat;
-    std::vector<uint16_t> halves;
-    std::vector<float> floats;
-
-    // Makes room for width × height pixels: `halves` if `half`, else `floats`. Call before filling.
-    void resize(int width, int height, int channels, bool half);
+    Depth depth = Depth::single;
+    // Channels interleaved; whoever owns the memory lives as long as this.
+    std::shared_ptr<const void> pixels;
+    // Linear value of each stored one, for colours of bytes (256) and words (65536); null: value /
+    // 255 or / 65535. Alpha never has a curve.
+    std::shared_ptr<const float> decode;
+    // From the image's primaries to those of the rendering space, rows; after filtering, with which
+    // it commutes.
+    bool has_matrix = false;
+    std::array<float, 9> matrix{};
 
     // The stored texel as (r, g, b, a), column from the left and row from the top, both inside.
     Texel texel(int column, int row) const;
@@ -38,8 +48,8 @@ struct Texture {
     Texel lookup(Vec2f st) const;
 
 private:
-    // All stored channels, and whatever follows them up to four.
     void read(int column, int row, float out[4]) const;
+    Texel finish(const float v[4], float there) const;
 };
 
 }  // namespace usdmlt

@@ -6,7 +6,10 @@
 #include <array>
 #include <cstring>
 #include <map>
+#include <memory>
 #include <stdexcept>
+
+#include "materials/nodes.hpp"
 
 namespace usdmlt {
 
@@ -31,74 +34,104 @@ Wrap wrap_from_python(const py::handle& name) {
     return choose(wraps, py::cast<std::string>(name));
 }
 
+// The memory of an array, which lives as long as the pointer.
+template <typename T>
+std::shared_ptr<const T> share(py::array array) {
+    const auto* data = static_cast<const T*>(array.data());
+    auto* owner = new py::array(std::move(array));
+    return {data, [owner](const T*) {
+                if (!Py_IsInitialized()) return;  // the interpreter took it along
+                const py::gil_scoped_acquire gil;
+                delete owner;
+            }};
+}
+
 Texture texture_from_python(const py::handle& source) {
+    using Depth = Texture::Depth;
     Texture texture;
     texture.name = py::cast<std::string>(source.attr("name"));
     texture.wrap_s = wrap_from_python(source.attr("wrap_s"));
     texture.wrap_t = wrap_from_python(source.attr("wrap_t"));
+    const auto fail = [&](const std::string& what) {
+        throw std::invalid_argument("texture '" + texture.name + "' " + what);
+    };
     auto pixels = py::array::ensure(source.attr("pixels"), py::array::c_style);
     if (!pixels || pixels.ndim() != 3 || pixels.shape(2) < 1 || pixels.shape(2) > 4 ||
         pixels.size() == 0)
-        throw std::invalid_argument("texture '" + texture.name +
-                                    "' is not (height, width, 1 to 4 channels)");
-    const bool half = pixels.dtype().kind() == 'f' && pixels.itemsize() == 2;
-    if (!half) pixels = FloatArray::ensure(pixels);
-    if (!pixels) throw std::invalid_argument("texture '" + texture.name + "' is not of numbers");
-    texture.resize(int(pixels.shape(1)), int(pixels.shape(0)), int(pixels.shape(2)), half);
-    std::memcpy(half ? static_cast<void*>(texture.halves.data()) : texture.floats.data(),
-                pixels.data(), size_t(pixels.nbytes()));
+        fail("is not (height, width, 1 to 4 channels)");
+    const char kind = pixels.dtype().kind();
+    const auto size = pixels.itemsize();
+    if (kind == 'u' && size == 1) {
+        texture.depth = Depth::byte;
+    } else if (kind == 'u' && size == 2) {
+        texture.depth = Depth::word;
+    } else if (kind == 'f' && size == 2) {
+        texture.depth = Depth::half;
+    } else {
+        texture.depth = Depth::single;
+        pixels = FloatArray::ensure(pixels);
+        if (!pixels) fail("is not of numbers");
+    }
+    texture.width = int(pixels.shape(1));
+    texture.height = int(pixels.shape(0));
+    texture.channels = int(pixels.shape(2));
+    texture.pixels = share<void>(std::move(pixels));
+    if (const py::object curve = source.attr("decode"); !curve.is_none()) {
+        auto decode = FloatArray::ensure(curve);
+        const py::ssize_t count = texture.depth == Depth::byte   ? 256
+                                  : texture.depth == Depth::word ? 65536
+                                                                 : 0;
+        if (!decode || count == 0 || decode.size() != count)
+            fail("has a curve that does not fit its pixels");
+        texture.decode = share<float>(std::move(decode));
+    }
+    if (const py::object matrix = source.attr("matrix"); !matrix.is_none()) {
+        const auto values = FloatArray::ensure(matrix);
+        if (!values || values.size() != 9) fail("has a matrix that is not (3, 3)");
+        texture.has_matrix = true;
+        std::copy_n(values.data(), 9, texture.matrix.begin());
+    }
     return texture;
 }
 
-Spectrum spectrum_from_python(const py::handle& value) {
-    const auto v = py::cast<std::array<float, 3>>(value);
-    return Spectrum(v[0], v[1], v[2]);
+// The pattern program of a compiled material: values in order, each a constant or a node of values
+// before it; the forms are listed in closures.py. The operand of each value.
+std::vector<Operand> program_from_python(const py::handle& compiled,
+                                         const std::vector<Texture>& textures, Program& program) {
+    for (const py::handle set : compiled["tile_sets"]) {
+        TileSet tiles;
+        for (const py::handle tile : set) {
+            const auto [number, texture] = py::cast<std::pair<uint32_t, uint32_t>>(tile);
+            tiles.tiles.push_back({number, texture});
+        }
+        program.tile_sets.push_back(std::move(tiles));
+    }
+    std::vector<Operand> operands;
+    for (const py::handle value : compiled["values"]) {
+        const auto fields = py::cast<py::tuple>(value);
+        if (!py::isinstance<py::str>(fields[0])) {
+            const auto v = py::cast<std::array<float, 4>>(fields);
+            operands.push_back(program.constant({{v[0], v[1], v[2], v[3]}}));
+            continue;
+        }
+        std::vector<Operand> inputs;
+        for (const auto i : py::cast<std::vector<size_t>>(fields[3]))
+            inputs.push_back(operands.at(i));
+        operands.push_back(program.node(py::cast<std::string>(fields[0]), py::cast<int>(fields[1]),
+                                        py::cast<uint32_t>(fields[2]), inputs, textures));
+    }
+    return operands;
 }
 
-// The forms of a parameter are listed in closures.py.
-Parameter parameter_from_python(const py::handle& source, Material& material) {
-    static const std::map<std::string, Parameter::Channel> channels = {
-        {"r", Parameter::Channel::r},
-        {"g", Parameter::Channel::g},
-        {"b", Parameter::Channel::b},
-        {"a", Parameter::Channel::a},
-        {"rgb", Parameter::Channel::rgb}};
-    Parameter p;
-    const auto fields = py::cast<py::tuple>(source);
-    if (!py::isinstance<py::str>(fields[0])) {
-        p.value = spectrum_from_python(fields);
-        return p;
-    }
-    if (py::cast<std::string>(fields[0]) == "primvar") {
-        p.source = Parameter::Source::primvar;
-        p.index = py::cast<uint32_t>(fields[1]);
-        p.value = spectrum_from_python(fields[2]);
-        return p;
-    }
-    TextureRead read;
-    read.texture = py::cast<uint32_t>(fields[1]);
-    read.primvar = py::cast<uint32_t>(fields[2]);
-    const auto transform = py::cast<std::array<float, 6>>(fields[6]);
-    std::copy(transform.begin(), transform.end(), read.transform);
-    p.source = Parameter::Source::texture;
-    p.channel = choose(channels, py::cast<std::string>(fields[3]));
-    const auto scale = py::cast<std::array<float, 4>>(fields[4]);
-    const auto bias = py::cast<std::array<float, 4>>(fields[5]);
-    std::copy(scale.begin(), scale.end(), p.scale);
-    std::copy(bias.begin(), bias.end(), p.bias);
-    const auto same = std::find(material.reads.begin(), material.reads.end(), read);
-    p.index = uint32_t(same - material.reads.begin());
-    if (same == material.reads.end()) material.reads.push_back(read);
-    return p;
-}
-
-Material material_from_python(const py::handle& source) {
+Material material_from_python(const py::handle& source, const std::vector<Texture>& textures) {
     static const std::map<std::string, OperationType> types = {
         {"diffuse", OperationType::diffuse},
+        {"eon", OperationType::eon},
         {"translucent", OperationType::translucent},
         {"dielectric", OperationType::dielectric},
         {"conductor", OperationType::conductor},
         {"schlick", OperationType::schlick},
+        {"sheen", OperationType::sheen},
         {"emission", OperationType::emission},
         {"preview_surface", OperationType::preview_surface},
         {"layer", OperationType::layer},
@@ -107,6 +140,15 @@ Material material_from_python(const py::handle& source) {
         {"multiply", OperationType::multiply}};
     Material material;
     material.name = py::cast<std::string>(source["name"]);
+    std::vector<Operand> values;
+    try {
+        values = program_from_python(source, textures, material.program);
+    } catch (const std::invalid_argument& error) {
+        throw std::invalid_argument("material '" + material.name + "' " + error.what());
+    }
+    const auto operand = [&](const py::handle& value) {
+        return values.at(py::cast<size_t>(value));
+    };
     for (const py::handle operation : source["operations"]) {
         Operation op{};
         op.type = choose(types, py::cast<std::string>(operation["type"]));
@@ -116,14 +158,16 @@ Material material_from_python(const py::handle& source) {
         op.specular_workflow = py::cast<bool>(operation["specular_workflow"]);
         op.parameter = uint32_t(material.parameters.size());
         for (const py::handle parameter : operation["parameters"])
-            material.parameters.push_back(parameter_from_python(parameter, material));
+            material.parameters.push_back(operand(parameter));
         material.operations.push_back(op);
     }
-    material.opacity = parameter_from_python(source["opacity"], material);
+    material.opacity = operand(source["opacity"]);
+    material.tangent_rotation = operand(source["tangent_rotation"]);
+    material.thin_walled = py::cast<bool>(source["thin_walled"]);
     material.opacity_threshold = py::cast<float>(source["opacity_threshold"]);
     if (!source["normal"].is_none()) {
         material.has_normal_map = true;
-        material.normal = parameter_from_python(source["normal"], material);
+        material.normal = operand(source["normal"]);
     }
     if (!source["tangent_primvar"].is_none())
         material.tangent_primvar = py::cast<uint32_t>(source["tangent_primvar"]);
@@ -137,7 +181,7 @@ Materials materials_from_python(const py::list& textures, const py::list& compil
     for (const py::handle texture : textures)
         materials.textures.push_back(texture_from_python(texture));
     for (const py::handle material : compiled_materials) {
-        materials.materials.push_back(material_from_python(material));
+        materials.materials.push_back(material_from_python(material, materials.textures));
         finish_material(materials, uint32_t(materials.materials.size() - 1));
     }
     return materials;
@@ -267,10 +311,14 @@ public:
         const Vec3f n = closure_.shading.z;
         return {n.x, n.y, n.z};
     }
+    std::array<float, 3> shading_tangent() const {
+        const Vec3f t = closure_.shading.x;
+        return {t.x, t.y, t.z};
+    }
 
     py::list lobes() const {
         static const char* const names[] = {"diffuse", "translucent", "dielectric", "conductor",
-                                            "schlick"};
+                                            "schlick", "eon",         "sheen"};
         py::list list;
         for (int i = 0; i < closure_.lobe_count; ++i) {
             const Lobe& lobe = closure_.lobes[i];
@@ -334,6 +382,8 @@ void bind_materials(py::module_& module) {
     module.def("lookup_texture", &lookup_texture, py::arg("texture"), py::arg("st"),
                "Bilinear lookups of a scene.Texture at (n, 2) coordinates: (n, 4) float32.");
 
+    module.def("node_names", &node_names, "The nodes of pattern programs.");
+
     py::class_<ClosureProbe>(
         module, "ClosureProbe",
         "The closure of one compiled material at one point, for tests.\n\n"
@@ -362,6 +412,7 @@ void bind_materials(py::module_& module) {
         .def_property_readonly("is_emissive", &ClosureProbe::emissive)
         .def_property_readonly("is_opaque", &ClosureProbe::opaque)
         .def_property_readonly("shading_normal", &ClosureProbe::shading_normal)
+        .def_property_readonly("shading_tangent", &ClosureProbe::shading_tangent)
         .def_property_readonly("lobes", &ClosureProbe::lobes);
 }
 

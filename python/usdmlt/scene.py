@@ -31,28 +31,48 @@ def identity() -> np.ndarray:
 
 @dataclass
 class Texture:
-    """An image, already decoded and converted to the linear rendering colour space.
+    """An image, as it is stored, and how it becomes linear in the rendering colour space.
 
-    ``pixels``: (height, width, channels) float16 or float32, 1 to 4 channels, row 0 on top.
+    ``pixels``: (height, width, channels) uint8, uint16, float16 or float32, 1 to 4 channels, row 0
+    on top; the core keeps the array without copying it. Integers are fractions of the largest, or,
+    for colours, ``decode[stored]`` (256 or 65536 floats). ``matrix`` (3, 3) takes the linear
+    colour to the rendering space. Alpha (the second of two channels, the fourth of four) is as it
+    is stored.
     """
 
     pixels: np.ndarray
     wrap_s: Literal["black", "clamp", "repeat", "mirror"] = "repeat"
     wrap_t: Literal["black", "clamp", "repeat", "mirror"] = "repeat"
     name: str = ""
+    decode: np.ndarray | None = None
+    matrix: np.ndarray | None = None
+
+    def linear(self) -> np.ndarray:
+        """All pixels as lookups see them: (height, width, channels) float32."""
+        colors = 1 if self.pixels.shape[2] < 3 else 3
+        result = self.pixels.astype(np.float32)
+        if self.pixels.dtype.kind == "u":
+            result /= np.iinfo(self.pixels.dtype).max
+            if self.decode is not None:
+                result[..., :colors] = self.decode[self.pixels[..., :colors]]
+        if self.matrix is not None and colors == 3:
+            result[..., :3] = result[..., :3] @ np.asarray(self.matrix, np.float32).T
+        return result
 
 
 @dataclass
 class TextureInput:
     """A material input read from a texture: ``(texel * scale + bias)[channel]``.
 
-    ``texture`` indexes :attr:`Scene.textures`; None (an unreadable file) gives ``fallback``.
+    ``texture`` indexes :attr:`Scene.textures`; a dict is a UDIM set, by the numbers of its tiles,
+    black and transparent where there is none; None (an unreadable file) gives ``fallback``.
     ``transform`` (2, 3) maps the primvar's (s, t) to texture coordinates: ``A @ (s, t, 1)``.
+    ``coordinates``: an input that gives (s, t) in the primvar's place.
     Channels a texture lacks: one channel is grey with alpha 1; two are grey and alpha; three have
     alpha 1. A mesh without the primvar is sampled as if it were (0, 0) everywhere.
     """
 
-    texture: int | None
+    texture: int | dict[int, int] | None
     primvar: str = "st"
     channel: Literal["rgb", "r", "g", "b", "a"] = "rgb"
     scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
@@ -61,6 +81,7 @@ class TextureInput:
     transform: np.ndarray = field(
         default_factory=lambda: np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     )
+    coordinates: Input | None = None
 
 
 @dataclass
@@ -71,7 +92,23 @@ class PrimvarInput:
     fallback: float | Color = 0.0
 
 
-Input = Union[float, Color, TextureInput, PrimvarInput]
+@dataclass(eq=False)
+class Node:
+    """A pattern node: an operation of the core on other inputs.
+
+    ``operation``: one of the core's table (cpp/materials/nodes.cpp), which says what ``data`` is.
+    Inputs may also be vectors of two and four numbers here. ``width``: how many numbers the result
+    has; where it is 1 they are all the same.
+    """
+
+    operation: str
+    inputs: tuple[Any, ...] = ()
+    width: int = 3
+    data: int = 0
+
+
+INPUT_NODES = (TextureInput, PrimvarInput, Node)
+Input = Union[float, Color, TextureInput, PrimvarInput, Node]
 
 
 # ---------------------------------------------------------------------------------------------
@@ -82,11 +119,15 @@ Roughness = Union[Input, tuple[Input, Input]]
 
 @dataclass
 class Diffuse:
-    """Lambert (roughness 0) or Oren–Nayar reflection, as ``ND_oren_nayar_diffuse_bsdf``."""
+    """Lambert (roughness 0) or Oren–Nayar reflection, as ``ND_oren_nayar_diffuse_bsdf``.
+
+    With ``energy_compensation`` a white surface reflects everything at any roughness (EON).
+    """
 
     color: Input = (0.18, 0.18, 0.18)
     weight: Input = 1.0
     roughness: Input = 0.0
+    energy_compensation: bool = False
 
 
 @dataclass
@@ -99,13 +140,17 @@ class Translucent:
 
 @dataclass
 class Dielectric:
-    """Dielectric interface, as ``ND_dielectric_bsdf``: reflects ("R"), transmits ("T") or both."""
+    """Dielectric interface, as ``ND_dielectric_bsdf``: reflects ("R"), transmits ("T") or both.
+
+    ``tint`` scales both, ``reflection_tint`` only what is reflected.
+    """
 
     ior: Input = 1.5
     roughness: Roughness = 0.05
     tint: Input = (1.0, 1.0, 1.0)
     weight: Input = 1.0
     scatter_mode: Literal["R", "T", "RT"] = "R"
+    reflection_tint: Input = (1.0, 1.0, 1.0)
 
 
 @dataclass
@@ -120,7 +165,10 @@ class Conductor:
 
 @dataclass
 class GeneralizedSchlick:
-    """As ``ND_generalized_schlick_bsdf``: F = color0 + (color90 - color0)(1 - cos)^exponent."""
+    """As ``ND_generalized_schlick_bsdf``: F = color0 + (color90 - color0)(1 - cos)^exponent.
+
+    ``color82`` tints it at about 82 degrees, as the edges of metals are.
+    """
 
     color0: Input = (1.0, 1.0, 1.0)
     color90: Input = (1.0, 1.0, 1.0)
@@ -128,6 +176,16 @@ class GeneralizedSchlick:
     roughness: Roughness = 0.05
     weight: Input = 1.0
     scatter_mode: Literal["R", "T", "RT"] = "R"
+    color82: Input = (1.0, 1.0, 1.0)
+
+
+@dataclass
+class Sheen:
+    """Light scattered by standing fibres, as ``ND_sheen_bsdf``."""
+
+    color: Input = (1.0, 1.0, 1.0)
+    weight: Input = 1.0
+    roughness: Input = 0.3
 
 
 @dataclass
@@ -196,6 +254,7 @@ Closure = Union[
     Dielectric,
     Conductor,
     GeneralizedSchlick,
+    Sheen,
     UniformEmission,
     PreviewSurface,
     Layer,
@@ -211,15 +270,19 @@ class Material:
 
     ``opacity``: the fraction of the surface that is there (1: all); what is not there lets light
     pass unchanged. With ``opacity_threshold`` > 0 it is all there where opacity >= threshold and
-    not there elsewhere. ``normal``: tangent-space normal in [-1, 1] (scale and bias applied).
+    not there elsewhere. ``normal``: tangent-space normal in [-1, 1] (scale and bias applied), +x
+    along s of the texture it reads. ``tangent_rotation``: turns by which the direction of
+    anisotropy is rotated. ``thin_walled``: the surface bounds no medium, both sides are outside.
     A closure of None absorbs everything.
     """
 
     closure: Closure | None
     opacity: Input = 1.0
     opacity_threshold: float = 0.0
-    normal: TextureInput | None = None
+    normal: TextureInput | Node | None = None
     name: str = ""
+    tangent_rotation: Input = 0.0
+    thin_walled: bool = False
 
 
 # ---------------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from usdmlt.scene import (
     Mix,
     Multiply,
     PreviewSurface,
+    Sheen,
     Translucent,
 )
 
@@ -28,7 +29,10 @@ PLASTIC = Layer(Dielectric(roughness=0.2), Diffuse((0.8, 0.5, 0.2)))
 ROUGH: dict[str, scene.Closure] = {
     "lambert": Diffuse((0.9, 0.6, 0.3)),
     "oren_nayar": Diffuse((0.9, 0.6, 0.3), roughness=0.5),
+    "eon": Diffuse((0.9, 0.6, 0.3), roughness=0.7, energy_compensation=True),
     "translucent": Translucent((0.9, 0.6, 0.3)),
+    "sheen": Sheen((0.9, 0.6, 0.3), roughness=0.4),
+    "sheen_of_short_fibres": Sheen(roughness=0.08),
     "dielectric_R": Dielectric(roughness=0.3),
     "dielectric_T": Dielectric(roughness=0.3, scatter_mode="T"),
     "dielectric_RT": Dielectric(roughness=0.3, scatter_mode="RT"),
@@ -36,13 +40,23 @@ ROUGH: dict[str, scene.Closure] = {
     "dielectric_RT_anisotropic": Dielectric(roughness=(0.1, 0.5), scatter_mode="RT"),
     "dielectric_RT_nearly_smooth": Dielectric(roughness=2e-3, scatter_mode="RT"),
     "dielectric_RT_rarer_inside": Dielectric(ior=0.75, roughness=0.2, scatter_mode="RT"),
+    "dielectric_RT_of_two_tints": Dielectric(
+        roughness=0.3, scatter_mode="RT", tint=(0.9, 0.8, 0.7), reflection_tint=(0.3, 0.5, 0.9)
+    ),
     "conductor": Conductor(roughness=0.25),
     "conductor_anisotropic": Conductor(roughness=(0.4, 0.08)),
     "conductor_nearly_smooth": Conductor(roughness=1.1e-3),
     "schlick_R": GeneralizedSchlick((0.9, 0.4, 0.1), exponent=3.0, roughness=0.3),
+    "schlick_with_an_edge": GeneralizedSchlick(
+        (0.9, 0.7, 0.3), color82=(0.9, 0.5, 0.1), roughness=0.3
+    ),
     "schlick_RT": GLASS,
     "plastic": PLASTIC,
     "coated_metal": Layer(Dielectric(roughness=0.1), Conductor(roughness=0.4)),
+    "velvet": Layer(Sheen((0.9, 0.5, 0.5), weight=0.8), Diffuse((0.5, 0.1, 0.1))),
+    "lacquered_velvet": Layer(
+        Dielectric(roughness=0.2), Layer(Sheen(roughness=0.2), Diffuse((0.5, 0.1, 0.1)))
+    ),
     "leaf": Layer(
         Dielectric(roughness=0.4), Mix(Diffuse((0.2, 0.6, 0.1)), Translucent((0.4, 0.9, 0.2)), 0.6)
     ),

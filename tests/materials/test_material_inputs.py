@@ -108,9 +108,9 @@ def test_primvar_slots_are_shared_by_the_materials_of_a_scene():
     compiled, slots = closures.compile_materials(description)
     assert set(slots) == {"st", "dust", "map2"}
     assert sorted(slots.values()) == [0, 1, 2]
-    (_, _, dust), (color, weight, _) = (m["operations"][0]["parameters"] for m in compiled)
-    assert dust[1] == color[1] == slots["dust"]
-    assert weight[2] == slots["map2"]
+    for material, names in zip(compiled, ({"st", "dust"}, {"dust", "map2"}), strict=True):
+        read = {value[2] for value in material["values"] if value[0] == "primvar"}
+        assert read == {slots[name] for name in names}
 
 
 def test_textured_and_constant_closures_are_the_same():

@@ -7,6 +7,7 @@ import OpenImageIO as oiio
 import pytest
 from pxr import UsdUtils
 
+from support.scattering import probe_material
 from usdmlt.errors import Error
 from usdmlt.stage import inspect, load
 
@@ -99,38 +100,38 @@ SRGB_HALF = 0.21586  # sRGB 128/255
 def test_the_color_space_rule(read, image, name, pixels, space, expected):
     image(pixels, name)
     scene = read(body(name, f'token inputs:sourceColorSpace = "{space}"'))
-    assert scene.textures[0].pixels.dtype == np.float16
-    assert scene.textures[0].pixels[0, 0, 0] == pytest.approx(expected, rel=1e-3)
+    assert scene.textures[0].pixels.dtype == pixels.dtype
+    assert scene.textures[0].linear()[0, 0, 0] == pytest.approx(expected, rel=1e-3)
 
 
 def test_without_a_declaration_the_rule_is_auto(read, image):
     image(solid(128, 128, 128))
-    assert read(body()).textures[0].pixels[0, 0, 0] == pytest.approx(SRGB_HALF, rel=1e-3)
+    assert read(body()).textures[0].linear()[0, 0, 0] == pytest.approx(SRGB_HALF, rel=1e-3)
 
 
 def test_the_color_space_of_the_file_attribute_counts_unless_declared_otherwise(read, image):
     image(solid(128, 128, 128))
     tagged = body().replace("@image.png@", '@image.png@ ( colorSpace = "lin_rec709" )')
-    assert read(tagged).textures[0].pixels[0, 0, 0] == pytest.approx(128 / 255, rel=1e-3)
+    assert read(tagged).textures[0].linear()[0, 0, 0] == pytest.approx(128 / 255, rel=1e-3)
     declared = tagged.replace(
         "float3 outputs:rgb", 'token inputs:sourceColorSpace = "sRGB"\nfloat3 outputs:rgb'
     )
-    assert read(declared).textures[0].pixels[0, 0, 0] == pytest.approx(SRGB_HALF, rel=1e-3)
+    assert read(declared).textures[0].linear()[0, 0, 0] == pytest.approx(SRGB_HALF, rel=1e-3)
 
 
 def test_primaries_are_converted_for_colors_but_not_for_data(read, image):
     image(solid(255, 0, 0))
-    color = read(body(), color_space="lin_ap1_scene").textures[0].pixels[0, 0]
+    color = read(body(), color_space="lin_ap1_scene").textures[0].linear()[0, 0]
     assert color == pytest.approx([0.61312, 0.07019, 0.02062], abs=1e-3)
     scalar = body(feeds="float inputs:roughness.connect = </M/t.outputs:r>")
-    assert read(scalar, color_space="lin_ap1_scene").textures[0].pixels[0, 0, 0] == 1
+    assert read(scalar, color_space="lin_ap1_scene").textures[0].linear()[0, 0, 0] == 1
     raw = body(texture='token inputs:sourceColorSpace = "raw"')
-    assert read(raw, color_space="lin_ap1_scene").textures[0].pixels[0, 0, 1] == 0
+    assert read(raw, color_space="lin_ap1_scene").textures[0].linear()[0, 0, 1] == 0
 
 
 def test_alpha_is_straight_and_never_decoded(read, image):
     image(solid(200, 100, 50, 128))
-    pixel = read(body()).textures[0].pixels[0, 0]
+    pixel = read(body()).textures[0].linear()[0, 0]
     assert pixel[3] == pytest.approx(128 / 255, rel=1e-3)
     assert pixel[0] == pytest.approx(((200 / 255 + 0.055) / 1.055) ** 2.4, rel=1e-3)
 
@@ -139,7 +140,7 @@ def test_row_0_is_the_top_of_the_image(read, image):
     pixels = np.zeros((4, 2, 3), np.uint8)
     pixels[0] = 255
     image(pixels)
-    found = read(body()).textures[0].pixels
+    found = read(body()).textures[0].linear()
     assert (found[0] == 1).all()
     assert (found[1:] == 0).all()
 
@@ -151,13 +152,32 @@ def test_images_with_a_data_window_fill_their_display_window(tmp_path, read):
     assert output.open(str(tmp_path / "crop.exr"), spec)
     assert output.write_image(np.ones((1, 2, 3), np.float16))
     output.close()
-    found = read(body("crop.exr")).textures[0].pixels[..., 0]
+    found = read(body("crop.exr")).textures[0].linear()[..., 0]
     assert found.tolist() == [[0, 0, 0, 0], [0, 0, 0, 0], [0, 1, 1, 0]]
 
 
-def test_values_beyond_half_precision_are_clamped(read, image):
-    image(solid(1e30, -1e30, np.nan, dtype=np.float32), "huge.exr")
-    assert read(body("huge.exr")).textures[0].pixels[0, 0].tolist() == [65504, -65504, 0]
+def test_values_that_are_no_numbers_are_brought_into_range(read, image):
+    image(solid(np.inf, -np.inf, np.nan, dtype=np.float32), "huge.exr")
+    assert read(body("huge.exr")).textures[0].linear()[0, 0].tolist() == [65504, -65504, 0]
+
+
+def test_a_file_is_kept_once_whatever_it_is_read_as(read, image):
+    image(solid(128, 128, 128))
+    nodes = """
+    def Shader "t2" {
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @image.png@
+        token inputs:sourceColorSpace = "raw"
+        token inputs:wrapS = "mirror"
+        float2 inputs:st.connect = </M/st.outputs:result>
+        float outputs:g
+    }"""
+    feeds = DIFFUSE + "\nfloat inputs:roughness.connect = </M/t2.outputs:g>"
+    first, second = read(body(feeds=feeds, nodes=nodes)).textures
+    assert first.pixels is second.pixels
+    assert first.pixels.dtype == np.uint8
+    assert first.linear()[0, 0, 1] == pytest.approx(SRGB_HALF, rel=1e-3)
+    assert second.linear()[0, 0, 1] == pytest.approx(128 / 255, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -323,7 +343,7 @@ def test_textures_inside_packages_are_read(write, image, tmp_path):
     (tmp_path / "red.png").unlink()
     (tmp_path / "stage.usda").unlink()
     found = load(package).textures[0]
-    assert found.pixels[0, 0].tolist() == [1, 0, 0]
+    assert found.linear()[0, 0].tolist() == [1, 0, 0]
     assert found.name.endswith("red.png]")
 
 
@@ -360,11 +380,29 @@ def test_missing_textures_are_an_error_when_strict(read):
         read(body("gone.png"), strict=True)
 
 
-def test_udim_sets_show_their_first_tile_with_a_warning(read, image, examine):
+def test_the_tiles_of_a_udim_set_are_read_where_the_coordinates_are(read, image):
     image(solid(255, 0, 0), "tile.1002.png")
     image(solid(0, 255, 0), "tile.1001.png")
-    assert read(body("tile.<UDIM>.png")).textures[0].pixels[0, 0].tolist() == [0, 1, 0]
-    assert any("UDIM" in w.kind for w in examine(body("tile.<UDIM>.png")).warnings)
+    image(solid(0, 0, 255), "tile.1011.png")
+    scene = read(body("tile.<UDIM>.png"))
+    material = scene.materials[0]
+    assert sorted(material.closure.diffuseColor.texture) == [1001, 1002, 1011]
+    for st, expected in (
+        ((0.5, 0.5), (0, 1, 0)),
+        ((0.999, 0.5), (0, 1, 0)),  # not filtered across the edge
+        ((1.001, 0.5), (1, 0, 0)),
+        ((0.5, 1.5), (0, 0, 1)),
+        ((1.5, 1.5), (0, 0, 0)),  # there is no such tile
+        ((-0.5, 0.5), (0, 0, 0)),
+    ):
+        lobes = probe_material(material, scene.textures, {"st": np.tile(st, (3, 1))}).lobes
+        weights = [x["weight"] for x in lobes if x["type"] == "diffuse"] or [(0, 0, 0)]
+        assert weights[0] == pytest.approx(expected, abs=1e-6), st
+
+
+def test_a_udim_set_without_tiles_is_a_missing_texture(read, examine):
+    assert read(body("none.<UDIM>.png")).textures == []
+    assert any("missing" in w.kind for w in examine(body("none.<UDIM>.png")).warnings)
 
 
 # ---------------------------------------------------------------------------------------------
@@ -382,7 +420,7 @@ def test_dome_textures_are_linear_floats(read, image):
 def test_rect_textures_of_8_bits_are_srgb(read, image):
     image(solid(128, 128, 128), "panel.png")
     scene = read('def RectLight "l" { asset inputs:texture:file = @panel.png@ }')
-    assert scene.textures[0].pixels[0, 0, 0] == pytest.approx(SRGB_HALF, rel=1e-4)
+    assert scene.textures[0].linear()[0, 0, 0] == pytest.approx(SRGB_HALF, rel=1e-4)
 
 
 def test_a_light_whose_texture_is_missing_is_plain(read, examine):

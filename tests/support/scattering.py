@@ -172,7 +172,7 @@ def grids_for(closure, known: np.ndarray) -> list[tuple[SphereGrid, bool]]:
     About the normal for broad lobes, fine about their peak for narrow ones and for refraction.
     """
     lobes = closure.lobes
-    glossy = [x for x in lobes if x["type"] not in ("diffuse", "translucent")]
+    glossy = [x for x in lobes if x["type"] not in ("diffuse", "eon", "translucent", "sheen")]
     alpha = min((min(x["alpha"]) for x in glossy if not x["delta"]), default=1.0)
     concentration = 0.5 - 1.3 * float(np.log(alpha))
     if alpha < 0.5:

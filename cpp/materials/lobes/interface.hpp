@@ -53,7 +53,8 @@ inline Split split(const Lobe& lobe, float cos_i, bool above) {
     const Spectrum f = reflectance(lobe, cos_i, cos_t, m);
     Split s;
     s.cos_t = cos_t;
-    if (lobe.reflects) s.R = lobe.weight * f;
+    if (lobe.reflects)
+        s.R = lobe.type == LobeType::dielectric ? lobe.weight * lobe.color0 * f : lobe.weight * f;
     if (lobe.transmits && cos_t > 0)
         s.T = lobe.weight * lobe.tint_transmission * (Spectrum(1.0f) - f);
     const float r = mean(s.R), t = mean(s.T);

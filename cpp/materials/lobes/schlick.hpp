@@ -13,7 +13,11 @@ namespace usdmlt::schlick_lobe {
 
 inline Spectrum reflectance(const Lobe& lobe, float cos_i, float cos_t, float m) {
     const float cos_rare = lobe.is_interface && m < 1 ? cos_t : cos_i;
-    return fresnel_schlick(cos_rare, lobe.color0, lobe.color90, lobe.exponent);
+    const Spectrum f = fresnel_schlick(cos_rare, lobe.color0, lobe.color90, lobe.exponent);
+    if (is_black(lobe.edge)) return f;
+    Spectrum tinted = f - lobe.edge * edge_curve(cos_rare);
+    for (int i = 0; i < 3; ++i) tinted[i] = clamp01(tinted[i]);
+    return tinted;
 }
 
 }  // namespace usdmlt::schlick_lobe

@@ -1,4 +1,7 @@
-"""Image files into textures of the rendering colour space.
+"""Image files into textures that become linear in the rendering colour space.
+
+Pixels keep the depth they are stored in, and each file is kept once, however many materials,
+colour spaces and wrap modes it is read with.
 
 Files are read with OpenImageIO; those inside a usdz package, and those of any other asset
 resolver, through USD's resolver.
@@ -9,14 +12,15 @@ from __future__ import annotations
 import os
 import tempfile
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import OpenImageIO as oiio
-from pxr import Ar, Sdf, Usd, UsdShade
+from pxr import Ar, Gf, Sdf, Usd, UsdShade
 
 from usdmlt.errors import Report
 from usdmlt.scene import Texture
-from usdmlt.stage.color import DEFAULT, ColorSpaces, decode
+from usdmlt.stage.color import DEFAULT, ColorSpaces, conversion_matrix, decode
 
 WRAPS = {
     "black": "black",
@@ -61,7 +65,7 @@ class Textures:
         self.report = report
         self.textures: list[Texture] = []
         self._files: dict[str, ImageFile | None] = {}
-        self._pixels: dict[tuple, np.ndarray] = {}
+        self._linear: dict[tuple[str, str], np.ndarray] = {}  # of floats with a transfer curve
         self._indices: dict[tuple, int] = {}
 
     def add(
@@ -71,70 +75,94 @@ class Textures:
         space: str | None,
         wrap: tuple[str | None, str | None],
         is_color: bool = True,
-    ) -> int | None:
-        """The index of a material texture; None, with a warning, if the file cannot be read.
+    ) -> int | dict[int, int] | None:
+        """The index of a material texture; of a UDIM set, the index of each tile, by its number.
+        None, with a warning, if no file can be read.
 
         ``space``: the colour space of the pixels, "raw" for data, None to follow the "auto" rule.
         ``wrap``: names of the s and t wrap modes; None takes the file's, or black.
         ``is_color``: the primaries are converted too, not only the transfer curve undone.
         """
-        path = self._resolve(attribute, asset)
+        if not UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
+            return self._add_file(asset.resolvedPath, attribute, asset, space, wrap, is_color)
+        tiles: dict[int, int] = {}
+        for path, number in self._tiles(attribute, asset):
+            index = self._add_file(path, attribute, asset, space, ("clamp", "clamp"), is_color)
+            if index is not None:
+                tiles[int(number)] = index
+        if not tiles:
+            self._open("", asset, attribute)
+        return tiles or None
+
+    def add_light_texture(self, attribute: Usd.Attribute, asset: Sdf.AssetPath) -> int | None:
+        """The index of a light's texture. Its attribute may name a colour space."""
+        space = None
+        if attribute.HasColorSpace():
+            space = self.colors.named(attribute.GetColorSpace(), attribute.GetPath())
+        path = asset.resolvedPath
+        if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
+            self.report.warn(
+                "UDIM textures of lights are read as their first tile", attribute.GetPath()
+            )
+            path = next((path for path, _ in self._tiles(attribute, asset)), "")
+        return self._add_file(path, attribute, asset, space, ("repeat", "clamp"), True)
+
+    def _add_file(
+        self,
+        path: str,
+        attribute: Usd.Attribute,
+        asset: Sdf.AssetPath,
+        space: str | None,
+        wrap: tuple[str | None, str | None],
+        is_color: bool,
+    ) -> int | None:
         image = self._open(path, asset, attribute)
         if image is None:
             return None
+        space = space or image.transfer
         modes = image.wrap_modes.split(",")
         modes = [WRAPS.get(mode.strip(), "black") for mode in (*modes, modes[-1])[:2]]
         wrap_s, wrap_t = (WRAPS.get(w, m) for w, m in zip(wrap, modes, strict=True))
-        return self._index(
-            path, image, space or image.transfer, wrap_s, wrap_t, is_color, np.float16
-        )
-
-    def add_light_texture(self, attribute: Usd.Attribute, asset: Sdf.AssetPath) -> int | None:
-        """The index of a light's texture, float32. Its attribute may name a colour space."""
-        path = self._resolve(attribute, asset)
-        image = self._open(path, asset, attribute)
-        if image is None:
-            return None
-        space = image.transfer
-        if attribute.HasColorSpace():
-            space = self.colors.named(attribute.GetColorSpace(), attribute.GetPath())
-        return self._index(path, image, space, "repeat", "clamp", True, np.float32)
-
-    def _index(
-        self,
-        path: str,
-        image: ImageFile,
-        space: str,
-        wrap_s: str,
-        wrap_t: str,
-        is_color: bool,
-        dtype: type,
-    ) -> int:
-        pixels_key = (path, space, is_color, dtype)
-        key = (*pixels_key, wrap_s, wrap_t)
+        key = (path, space, is_color, wrap_s, wrap_t)
         if key not in self._indices:
-            if pixels_key not in self._pixels:
-                self._pixels[pixels_key] = to_rendering(
-                    image.pixels, space, is_color, self.colors, dtype
-                )
             self._indices[key] = len(self.textures)
             self.textures.append(
-                Texture(self._pixels[pixels_key], wrap_s=wrap_s, wrap_t=wrap_t, name=path)
+                Texture(
+                    self._pixels(path, image, space),
+                    wrap_s=wrap_s,
+                    wrap_t=wrap_t,
+                    name=path,
+                    decode=curve(space, image.pixels.dtype),
+                    matrix=self._matrix(image, space) if is_color else None,
+                )
             )
         return self._indices[key]
 
-    def _resolve(self, attribute: Usd.Attribute, asset: Sdf.AssetPath) -> str:
-        """Where the file is; of a UDIM set, its first tile. "" if there is none."""
-        if not UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
-            return asset.resolvedPath
-        self.report.warn("UDIM textures are read as their first tile", attribute.GetPath())
+    def _pixels(self, path: str, image: ImageFile, space: str) -> np.ndarray:
+        """As stored; floats that have a transfer curve are decoded, in their own depth."""
+        if image.pixels.dtype.kind == "u" or not has_curve(space):
+            return image.pixels
+        if (path, space) not in self._linear:
+            colors = 1 if image.pixels.shape[2] < 3 else 3
+            linear = image.pixels.copy()
+            linear[..., :colors] = decode(linear[..., :colors].astype(np.float32), space)
+            self._linear[path, space] = linear
+        return self._linear[path, space]
+
+    def _matrix(self, image: ImageFile, space: str) -> np.ndarray | None:
+        if space == "raw" or image.pixels.shape[2] < 3 or self.colors.same_primaries(space):
+            return None
+        return conversion_matrix(space, self.colors.rendering)
+
+    def _tiles(self, attribute: Usd.Attribute, asset: Sdf.AssetPath) -> list[tuple[str, str]]:
+        """The files and numbers of a UDIM set, sought from the layers that author its path."""
         for spec in attribute.GetPropertyStack(self.time):
             if spec.layer is None:
                 continue
             tiles = UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, spec.layer)
             if tiles:
-                return min(tiles, key=lambda tile: tile[1])[0]
-        return ""
+                return sorted(tiles, key=lambda tile: tile[1])
+        return []
 
     def _open(self, path: str, asset: Sdf.AssetPath, attribute: Usd.Attribute) -> ImageFile | None:
         if not path:
@@ -151,35 +179,18 @@ class Textures:
         return self._files[path]
 
 
-def to_rendering(
-    pixels: np.ndarray, space: str, is_color: bool, colors: ColorSpaces, dtype: type
-) -> np.ndarray:
-    """Stored pixels as float16 or float32, linear and, for colours, in the rendering space.
+def has_curve(space: str) -> bool:
+    """Whether stored values of a colour space are not linear."""
+    return space != "raw" and (space.startswith("srgb") or Gf.ColorSpace(space).GetGamma() != 1)
 
-    Alpha (the second of two channels, the fourth of four) is never decoded.
-    """
-    color_channels = {1: 1, 2: 1, 3: 3, 4: 3}[pixels.shape[2]]
-    in_rendering = space == "raw" or not is_color or color_channels < 3
-    in_rendering = in_rendering or colors.same_primaries(space)
-    if pixels.dtype.kind == "u":
-        top = np.iinfo(pixels.dtype).max
-        linear = np.arange(top + 1, dtype=np.float64) / top
-        curve = linear if space == "raw" else decode(linear, space)
-        curve_type = dtype if in_rendering else np.float32
-        result = np.empty(pixels.shape, dtype=curve_type)
-        result[..., :color_channels] = curve.astype(curve_type)[pixels[..., :color_channels]]
-        result[..., color_channels:] = linear.astype(curve_type)[pixels[..., color_channels:]]
-    else:
-        result = pixels.astype(np.float32)
-        if space != "raw":
-            result[..., :color_channels] = decode(result[..., :color_channels], space)
-    if not in_rendering:
-        result[..., :3] = colors.change_primaries(result[..., :3], space)
-    if result.dtype != np.float16:
-        np.nan_to_num(result, copy=False, nan=0.0, posinf=HALF_MAX, neginf=-HALF_MAX)
-        if dtype is np.float16:
-            np.clip(result, -HALF_MAX, HALF_MAX, out=result)
-    return np.ascontiguousarray(result, dtype=dtype)
+
+@cache
+def curve(space: str, dtype: np.dtype) -> np.ndarray | None:
+    """The linear value of every stored integer, float32; None where it is just a fraction."""
+    if dtype.kind != "u" or not has_curve(space):
+        return None
+    top = np.iinfo(dtype).max
+    return decode(np.arange(top + 1, dtype=np.float64) / top, space).astype(np.float32)
 
 
 def read_image(path: str) -> ImageFile:
@@ -215,8 +226,10 @@ def _read_file(path: str) -> ImageFile:
     pixels = np.asarray(pixels)
     if pixels.dtype == np.uint16 and stored == "half":
         pixels = pixels.view(np.float16)
+    if pixels.dtype.kind == "f" and not np.isfinite(pixels).all():
+        pixels = np.nan_to_num(pixels, nan=0.0, posinf=HALF_MAX, neginf=-HALF_MAX)
     return ImageFile(
-        _full_window(pixels.reshape(spec.height, spec.width, -1), spec),
+        np.ascontiguousarray(_full_window(pixels.reshape(spec.height, spec.width, -1), spec)),
         spec.get_string_attribute("oiio:ColorSpace"),
         spec.get_string_attribute("wrapmodes"),
     )

@@ -128,7 +128,7 @@ def _bsdf(mi: Any, scene: s.Scene, material: s.Material) -> dict[str, Any]:
     match closure:
         case s.Diffuse(color=s.TextureInput() as read):
             texture = _texture(scene, read.texture)
-            bitmap = _bitmap(mi, texture.pixels, texture.wrap_s)
+            bitmap = _bitmap(mi, texture.linear(), texture.wrap_s)
             bsdf = {
                 "type": "twosided",
                 "bsdf": {"type": "diffuse", "reflectance": bitmap},
@@ -158,7 +158,7 @@ def _bsdf(mi: Any, scene: s.Scene, material: s.Material) -> dict[str, Any]:
         case _:
             raise Untranslated(type(closure).__name__)
     if material.normal is not None:
-        pixels = _texture(scene, material.normal.texture).pixels
+        pixels = _texture(scene, material.normal.texture).linear()
         bsdf = {
             "type": "normalmap",
             "use_shadowing_function": False,
@@ -206,7 +206,7 @@ def _emitter(mi: Any, scene: s.Scene, light: s.Light, path: Path) -> dict[str, A
         case s.DomeLight(texture=None):
             return {"type": "constant", "radiance": _rgb(light.radiance)}
         case s.DomeLight():
-            pixels = _texture(scene, light.texture).pixels * np.array(light.radiance, np.float32)
+            pixels = _texture(scene, light.texture).linear() * np.array(light.radiance, np.float32)
             return {
                 "type": "envmap",
                 "bitmap": mi.Bitmap(_rows_from_pole_to_pole(pixels)),
