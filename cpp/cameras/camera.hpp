@@ -6,6 +6,9 @@
 // An orthographic camera is a direction at infinity, the mirror image of a distant light.
 #pragma once
 
+#include <algorithm>
+#include <vector>
+
 #include "base/frame.hpp"
 #include "base/warps.hpp"
 
@@ -14,6 +17,14 @@ namespace usdmlt {
 struct CameraRay {
     Vec3f origin, direction;
     float tnear, tfar;
+};
+
+// What is on the side of n·p + d < 0 is not seen (UsdGeomCamera, clippingPlanes).
+struct ClippingPlane {
+    Vec3f normal;
+    float offset;
+
+    float side(Vec3f p) const { return dot(normal, p) + offset; }
 };
 
 struct Camera {
@@ -25,6 +36,7 @@ struct Camera {
     int width = 1, height = 1;  // pixels
     float lens_radius = 0, focus_distance = 1;
     float near = 0, far = 1e30f;  // along the view axis
+    std::vector<ClippingPlane> clipping_planes;
 
     double window_area() const { return double(window_width) * window_height; }
 
@@ -42,12 +54,34 @@ struct Camera {
     CameraRay ray(Vec2f raster, Vec3f lens_point) const {
         const float x = left + window_width * raster.x / width;
         const float y = top - window_height * raster.y / height;
-        if (orthographic) return {position + right * x + up * y, forward, near, far};
+        if (orthographic) return clipped({position + right * x + up * y, forward, near, far});
         const Vec3f focus = position + (right * x + up * y + forward) * focus_distance;
         const Vec3f direction = lens_radius > 0 ? normalize(focus - lens_point)
                                                 : normalize(right * x + up * y + forward);
         const float cos_theta = dot(direction, forward);
-        return {lens_point, direction, near / cos_theta, far / cos_theta};
+        return clipped({lens_point, direction, near / cos_theta, far / cos_theta});
+    }
+
+    // The part of a ray that the planes leave: an interval, as what they leave is convex.
+    CameraRay clipped(CameraRay ray) const {
+        for (const ClippingPlane& plane : clipping_planes) {
+            const float slope = dot(plane.normal, ray.direction), side = plane.side(ray.origin);
+            if (slope > 0) ray.tnear = std::max(ray.tnear, -side / slope);
+            if (slope < 0) ray.tfar = std::min(ray.tfar, -side / slope);
+            if (slope == 0 && side < 0) ray.tfar = ray.tnear;
+        }
+        if (!(ray.tnear < ray.tfar)) ray.tnear = ray.tfar = 0;
+        return ray;
+    }
+
+    // How far the segment from a point that is seen along `direction`, towards the lens, is in
+    // what is seen: what is nearer to the lens hides nothing. `t`: of the near plane.
+    float seen_until(Vec3f from, Vec3f direction, float t) const {
+        for (const ClippingPlane& plane : clipping_planes) {
+            const float slope = dot(plane.normal, direction);
+            if (slope < 0) t = std::min(t, std::max(-plane.side(from) / slope, 0.0f));
+        }
+        return t;
     }
 
     // The raster point whose ray through the lens point meets `p`; false outside the clipping
@@ -56,6 +90,8 @@ struct Camera {
         const Vec3f d = p - (orthographic ? position : lens_point);
         const float depth = dot(d, forward);
         if (!(depth > near && depth < far) || !(depth > 0 || orthographic)) return false;
+        for (const ClippingPlane& plane : clipping_planes)
+            if (plane.side(p) < 0) return false;
         float x, y;
         if (orthographic) {
             direction = forward;

@@ -45,11 +45,11 @@ double flux(const L& light) {
             return frame.to_world(
                 to_float({sine * std::cos(phi), sine * std::sin(phi), std::cos(theta)}));
         };
-        double area = 0;
-        for (int i = 0; i < columns; ++i)
-            area += projected_area(
-                light, to_double(direction(2 * std::numbers::pi * (i + 0.5) / columns)));
-        sum += importance(color * light.shaping.evaluate(direction(0))) * sine * area;
+        for (int i = 0; i < columns; ++i) {
+            const Vec3f d = direction(2 * std::numbers::pi * (i + 0.5) / columns);
+            sum += importance(color * light.shaping.evaluate(d)) * sine *
+                   projected_area(light, to_double(d));
+        }
     }
     return sum * width * 2 * std::numbers::pi / columns;
 }
@@ -67,7 +67,7 @@ uint32_t add_shape(Lights& lights, L&& light, const Affine3f& transform, const S
         const Vec3f axis = normalize(transform.vector({0, 0, -1}));
         bool flat = false;
         if constexpr (requires { light.normal; }) flat = dot(light.normal, axis) > 0.9999f;
-        light.shaping = Shaping(*shaping, axis, flat);
+        light.shaping = Shaping(*shaping, transform, flat);
     }
     const uint32_t index = add(lights, std::move(light));
     lights.shapes.push_back(index);

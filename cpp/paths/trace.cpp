@@ -251,11 +251,10 @@ float transmittance(const Scene& scene, const Vertex& a, const Vertex& b, RayCou
         const Vec3f to_camera = direction_to(a, b);
         const Vec3f from = offset_origin(a, to_camera);
         const float depth = dot(from - camera.position, camera.forward);
-        if (camera.orthographic)
-            return transmittance(scene, {from, 0, to_camera, depth - camera.near}, counters);
-        // Up to the near plane only.
-        return transmittance(scene, {from, 0, b.position - from, 1 - camera.near / depth},
-                             counters);
+        // Up to where the camera starts to see only.
+        const Vec3f path = camera.orthographic ? to_camera : b.position - from;
+        const float near = camera.orthographic ? depth - camera.near : 1 - camera.near / depth;
+        return transmittance(scene, {from, 0, path, camera.seen_until(from, path, near)}, counters);
     }
     const Vec3f direction = direction_to(a, b);
     const Vec3f from = offset_origin(a, direction);

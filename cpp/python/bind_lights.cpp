@@ -19,6 +19,24 @@ Spectrum color_of(const py::handle& value) {
     return {r, g, b};
 }
 
+std::vector<float> floats_of(const py::handle& array, float factor) {
+    const auto a = py::cast<DoubleArray>(array);
+    std::vector<float> out;
+    for (py::ssize_t i = 0; i < a.size(); ++i)
+        out.push_back(static_cast<float>(a.data()[i] * factor));
+    return out;
+}
+
+IesProfile profile_of(const py::handle& source) {
+    IesProfile profile;
+    profile.theta = floats_of(source.attr("vertical_degrees"), pi / 180);
+    profile.phi = floats_of(source.attr("horizontal_degrees"), pi / 180);
+    profile.values = floats_of(source.attr("factors"), 1);
+    if (profile.theta.empty() || profile.values.size() != profile.theta.size() * profile.phi.size())
+        throw std::invalid_argument("the profile's factors do not match its angles");
+    return profile;
+}
+
 std::optional<ShapingParameters> shaping_of(const py::handle& light) {
     const py::object shaping = light.attr("shaping");
     if (shaping.is_none()) return std::nullopt;
@@ -27,6 +45,8 @@ std::optional<ShapingParameters> shaping_of(const py::handle& light) {
     parameters.focus_tint = color_of(shaping.attr("focus_tint"));
     parameters.cone_angle_degrees = py::cast<float>(shaping.attr("cone_angle_degrees"));
     parameters.cone_softness = py::cast<float>(shaping.attr("cone_softness"));
+    const py::object profile = shaping.attr("ies");
+    if (!profile.is_none()) parameters.profile = profile_of(profile);
     return parameters;
 }
 

@@ -177,6 +177,14 @@ Camera make_camera(const py::handle& source, Vec3d center, int width, int height
     const auto clipping = py::cast<std::array<double, 2>>(source.attr("clipping"));
     camera.near = float(std::max(clipping[0] * scale, camera.orthographic ? -1e30 : 0.0));
     camera.far = float(std::min(clipping[1] * scale, double(infinite_distance)));
+    const auto planes = py::cast<Doubles>(source.attr("clipping_planes"));
+    for (py::ssize_t i = 0; i < planes.size() / 4; ++i) {
+        const double* p = planes.data() + 4 * i;
+        const Vec3f normal = camera.right * float(p[0]) + camera.up * float(p[1]) -
+                             camera.forward * float(p[2]);
+        camera.clipping_planes.push_back(
+            {normal, float(p[3] * scale - dot(to_double(normal), to_double(camera.position)))});
+    }
     return camera;
 }
 

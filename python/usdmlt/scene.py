@@ -343,13 +343,29 @@ class Instances:
 
 
 @dataclass
+class IesProfile:
+    """Factors of a light's radiance by direction, bilinear between angles and 0 outside.
+
+    ``vertical_degrees`` (n,) from the light's -z axis, ascending; ``horizontal_degrees`` (m,) about
+    local +z from +x, where light comes from, from 0 to 360, or one angle for all of them;
+    ``factors`` (m, n).
+    """
+
+    vertical_degrees: np.ndarray
+    horizontal_degrees: np.ndarray
+    factors: np.ndarray
+
+
+@dataclass
 class Shaping:
-    """UsdLux ShapingAPI: ``focus``, ``focus_tint``, a cone of half-angle ``cone_angle_degrees``."""
+    """UsdLux ShapingAPI: ``focus``, ``focus_tint``, a cone of half-angle ``cone_angle_degrees``
+    and an IES profile."""
 
     focus: float = 0.0
     focus_tint: Color = (0.0, 0.0, 0.0)
     cone_angle_degrees: float = 90.0
     cone_softness: float = 0.0
+    ies: IesProfile | None = None
 
 
 @dataclass
@@ -435,7 +451,8 @@ class Camera:
 
     ``window``: (left, right, bottom, top) of the image: at distance 1 for a perspective camera, in
     scene units for an orthographic one. ``lens_radius`` 0 is a pinhole. ``clipping`` (near, far)
-    along the view axis. ``exposure`` multiplies the image.
+    along the view axis. ``clipping_planes`` (n, 4): where a x + b y + c z + d < 0 in the camera's
+    space for one of them, nothing is seen. ``exposure`` multiplies the image.
     """
 
     transform: np.ndarray = field(default_factory=identity)
@@ -444,6 +461,7 @@ class Camera:
     lens_radius: float = 0.0
     focus_distance: float = 1.0
     clipping: tuple[float, float] = (0.0, float("inf"))
+    clipping_planes: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
     exposure: float = 1.0
     name: str = ""
 
