@@ -39,7 +39,8 @@ class LoadOptions:
     ``render_settings``, ``render_pass``: path of the RenderSettings, or of the RenderPass whose
     renderSource they are; None: the stage's ``renderSettingsPrimPath``, else the first there are.
     ``product``: path of one of their products, whose opinions are stronger; None: the first.
-    ``complexity``: how finely curved surfaces are subdivided, as usdrecord names it.
+    ``complexity``: how finely curved surfaces are subdivided, as usdrecord names it; None: as
+    finely as the picture shows.
     ``draw_modes``: whether models are drawn as the cards or boxes that they ask for.
     ``default_light``: whether a stage without lights gets a white dome.
     ``domes_visible``: whether the camera sees domes and distant lights directly.
@@ -66,7 +67,7 @@ class LoadOptions:
     render_settings: str | None = None
     render_pass: str | None = None
     product: str | None = None
-    complexity: Complexity = "high"
+    complexity: Complexity | None = None
     draw_modes: bool = True
     default_light: bool = True
     domes_visible: bool = True
@@ -89,9 +90,10 @@ class LoadOptions:
         if unknown:
             raise UsageError(f"unknown purposes: {', '.join(sorted(unknown))}")
         for name, known in (("complexity", Complexity), ("resolver", ResolverContext)):
-            if getattr(self, name) not in get_args(known):
+            value = getattr(self, name)
+            if value not in get_args(known) and not (name == "complexity" and value is None):
                 choices = ", ".join(get_args(known))
-                raise UsageError(f"{name} must be one of {choices}, not {getattr(self, name)!r}")
+                raise UsageError(f"{name} must be one of {choices}, not {value!r}")
         if self.crop is not None:
             check_data_window("crop", self.crop)
         if self.render_settings is not None and self.render_pass is not None:

@@ -130,17 +130,6 @@ def test_normals_without_direction_become_those_of_the_face(only_mesh):
     assert normals[~broken] == pytest.approx(np.tile([0, 1, 0], ((~broken).sum(), 1)))
 
 
-def test_subdivision_cages_are_smooth_whatever_normals_say(only_mesh, examine):
-    body = f'def Mesh "m" {{ {CUBE} normal3f[] normals = [(0, 0, 1)] }}'
-    mesh = only_mesh(body)
-    corner = mesh.points - 0.5
-    expected = corner / np.linalg.norm(corner, axis=1, keepdims=True)
-    # A cube's corner lies on its diagonal; triangulation weights its faces unevenly.
-    assert np.einsum("ij,ij->i", mesh.normals.values, expected).min() > 0.8
-    assert np.linalg.norm(mesh.normals.values, axis=1) == pytest.approx(np.ones(8))
-    assert [w.paths for w in examine(body).warnings if "cage" in w.kind] == [["/m"]]
-
-
 MATERIALS = """
 def Material "Red" {
     token outputs:surface.connect = </Red/s.outputs:surface>

@@ -51,8 +51,7 @@ def add_view_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
         "--complexity",
         "-c",
         choices=get_args(Complexity),
-        default="high",
-        help="how finely curved surfaces are subdivided (default: %(default)s)",
+        help="how finely curved surfaces are subdivided (default: as finely as the picture shows)",
     )
     settings = view.add_mutually_exclusive_group()
     settings.add_argument(

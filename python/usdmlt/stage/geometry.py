@@ -8,10 +8,11 @@ from pxr import Usd, UsdGeom, UsdShade
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Mesh, Primvar
 from usdmlt.stage.color import ColorSpaces
+from usdmlt.stage.detail import Detail
 from usdmlt.stage.gprims import read_gprim
 from usdmlt.stage.materials import Materials, bound_materials
 from usdmlt.stage.meshes import face_materials, read_mesh
-from usdmlt.stage.primvars import Topology, as_floats, read_primvars
+from usdmlt.stage.primvars import Spreads, as_floats, read_primvars
 from usdmlt.stage.skinning import Skin, Skinning
 from usdmlt.stage.transforms import singular
 from usdmlt.stage.traversal import Group, Placed
@@ -27,6 +28,7 @@ class GeometryReader:
         materials: Materials,
         material_purpose: str,
         skinning: Skinning,
+        detail: Detail,
         report: Report,
     ):
         self.time = time
@@ -34,6 +36,7 @@ class GeometryReader:
         self.materials = materials
         self.material_purpose = material_purpose
         self.skinning = skinning
+        self.detail = detail
         self.report = report
         self._xforms = UsdGeom.XformCache(time)
 
@@ -53,7 +56,8 @@ class GeometryReader:
     ) -> Mesh | None:
         prim, skin = placed.prim, None
         if placed.kind == "Mesh" or prim.IsA(UsdGeom.Mesh):
-            read, skin = self._read_polygons(prim)
+            detail = self.detail.placed(placed.matrix, group.placements)
+            read, skin = self._read_polygons(prim, detail)
         else:
             read = read_gprim(prim, placed.kind, self.time, self.report)
         if read is None:
@@ -68,20 +72,22 @@ class GeometryReader:
         self._assign_materials(prim, mesh, topology, material)
         return mesh
 
-    def _read_polygons(self, prim: Usd.Prim) -> tuple[tuple[Mesh, Topology] | None, Skin | None]:
+    def _read_polygons(
+        self, prim: Usd.Prim, detail: Detail
+    ) -> tuple[tuple[Mesh, Spreads] | None, Skin | None]:
         value = UsdGeom.Mesh(prim).GetPointsAttr().Get(self.time)
         points = as_floats(value) if np.ndim(value) == 2 else None
         if points is None or points.shape[1] != 3:
             self.report.note("meshes without points", prim.GetPath())
             return None, None
         points, skin = self.skinning.skin(prim, points)
-        read = read_mesh(prim, points, self.time, self.report)
+        read = read_mesh(prim, points, self.time, detail, self.report)
         if read is not None and skin is not None and read[0].normals is not None:
             self._skin_normals(prim, *read, skin)
         return read, skin
 
-    def _skin_normals(self, prim: Usd.Prim, mesh: Mesh, topology: Topology, skin: Skin) -> None:
-        """Authored normals follow the joints; those of a cage come from the skinned points."""
+    def _skin_normals(self, prim: Usd.Prim, mesh: Mesh, topology: Spreads, skin: Skin) -> None:
+        """Authored normals follow the joints; subdivision surfaces are made of skinned points."""
         scheme = UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get(self.time)
         if scheme != UsdGeom.Tokens.none:
             return
@@ -97,7 +103,7 @@ class GeometryReader:
         self,
         prim: Usd.Prim,
         mesh: Mesh,
-        topology: Topology,
+        topology: Spreads,
         material: UsdShade.Material | None,
     ) -> None:
         default = self._material(prim, material)

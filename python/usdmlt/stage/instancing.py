@@ -45,6 +45,7 @@ class Instancing:
             self._resolve_instances(group)
             for instancer in group.instancers:
                 self._resolve_instancer(group, instancer)
+        _place(world)
         return world
 
     # -- native instances
@@ -214,21 +215,17 @@ def _names_read(shader: UsdShade.Shader, time: Usd.TimeCode) -> set[str]:
 
 
 def flatten(
-    world: Group,
+    groups: list[Group],
 ) -> tuple[list[Mesh], list[Prototype], list[Instances], list[Light]]:
-    """Meshes, prototypes, their placements and lights, all in world space.
-
-    What is placed once becomes plain meshes. Raises :class:`Error` for an instancer that is one of
-    its own prototypes.
+    """Meshes, prototypes, their placements and lights, all in world space, of groups whose
+    placements are known. What is placed once becomes plain meshes.
     """
-    placements: dict[int, tuple[Group, list[np.ndarray]]] = {}
-    _place(world, np.eye(4)[None], placements, [])
     meshes: list[Mesh] = []
     prototypes: list[Prototype] = []
     instances: list[Instances] = []
     lights: list[Light] = []
-    for group, pieces in placements.values():
-        transforms = np.concatenate(pieces)
+    for group in groups:
+        transforms = group.placements
         for light in group.scene_lights:
             lights += [moved(light, transform) for transform in transforms]
         if len(transforms) == 1:
@@ -241,7 +238,16 @@ def flatten(
     return meshes, prototypes, instances, lights
 
 
-def _place(
+def _place(world: Group) -> None:
+    """Find the world transforms of all groups below the world. Raises :class:`Error` for an
+    instancer that is one of its own prototypes."""
+    placements: dict[int, tuple[Group, list[np.ndarray]]] = {}
+    _place_below(world, np.eye(4)[None], placements, [])
+    for group, pieces in placements.values():
+        group.placements = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+
+def _place_below(
     group: Group,
     transforms: np.ndarray,
     placements: dict[int, tuple[Group, list[np.ndarray]]],
@@ -257,4 +263,4 @@ def _place(
     for child, pieces in by_child.values():
         local = np.concatenate(pieces)
         combined = (local[None] @ transforms[:, None]).reshape(-1, 4, 4)
-        _place(child, combined, placements, [*inside, group])
+        _place_below(child, combined, placements, [*inside, group])

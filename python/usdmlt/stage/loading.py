@@ -15,6 +15,7 @@ from usdmlt.scene import Camera, Scene
 from usdmlt.stage.cameras import all_cameras, conformed, find_camera, read_camera, resolve_size
 from usdmlt.stage.color import DEFAULT, ColorSpaces
 from usdmlt.stage.data_window import data_window, windowed
+from usdmlt.stage.detail import Detail
 from usdmlt.stage.framing import framing_camera, scene_bounds, stage_bounds
 from usdmlt.stage.geometry import GeometryReader
 from usdmlt.stage.instancing import Instancing, flatten
@@ -91,13 +92,13 @@ def read_stage(
         colors = _color_spaces(options, settings, report)
         shown = _purposes(options, settings)
         skinning = Skinning(time)
-        scene = _read_content(opened, time, shown, options, settings, colors, skinning, report)
-        limit_textures(scene.textures, options.texture_memory, report)
         found, reason = find_camera(opened, options.camera, settings, report)
-        if found is None:
-            scene.camera = _frame_everything(opened, time, shown, scene, skinning)
-        else:
-            scene.camera = read_camera(found, time, report, settings)
+        lens = None if found is None else read_camera(found, time, report, settings)
+        scene = _read_content(
+            opened, time, shown, options, settings, lens, colors, skinning, report
+        )
+        limit_textures(scene.textures, options.texture_memory, report)
+        scene.camera = lens or _frame_everything(opened, time, shown, scene, skinning)
         _fit_picture(scene, options, settings)
         scene.settings = settings.usdmlt
         scene.metadata |= _metadata(opened, time, settings, shown)
@@ -132,24 +133,28 @@ def _read_content(
     purposes: tuple[str, ...],
     options: LoadOptions,
     settings: RenderSettings,
+    camera: Camera | None,
     colors: ColorSpaces,
     skinning: Skinning,
     report: Report,
 ) -> Scene:
-    """Geometry, materials, textures and lights."""
+    """Geometry, materials, textures and lights; ``camera`` None: the one that frames them all."""
     textures = Textures(time, colors, report)
     materials = Materials(Networks(time, colors, textures, report), report)
     traversal = Traversal(time, purposes, skinning, report)
     instancing = Instancing(stage, traversal, settings.material_purpose, report)
-    world = instancing.collect()
-    geometry = GeometryReader(time, colors, materials, settings.material_purpose, skinning, report)
+    instancing.collect()
+    detail = _detail(stage, time, purposes, options, settings, camera)
+    geometry = GeometryReader(
+        time, colors, materials, settings.material_purpose, skinning, detail, report
+    )
     up_axis = str(UsdGeom.GetStageUpAxis(stage))
     lights = LightReader(time, colors, textures, report, up_axis)
     for group in instancing.groups:
         group.scene_meshes = geometry.read(group)
         group.scene_lights = [lights.read(p.prim, p.kind, p.matrix) for p in group.lights]
 
-    meshes, prototypes, instances, placed_lights = flatten(world)
+    meshes, prototypes, instances, placed_lights = flatten(instancing.groups)
     lit = placed_lights or any(emits(material) for material in materials.materials)
     if not lit and options.default_light:
         report.note("the stage has no lights: a white dome lights it")
@@ -167,6 +172,25 @@ def _read_content(
         lights=placed_lights,
         color_space=colors.rendering,
     )
+
+
+def _detail(
+    stage: Usd.Stage,
+    time: Usd.TimeCode,
+    purposes: tuple[str, ...],
+    options: LoadOptions,
+    settings: RenderSettings,
+    camera: Camera | None,
+) -> Detail:
+    """How fine curved surfaces have to be. Without a camera it is the one that frames the authored
+    bounds, which USD computes safely only once the instancers are known to be sound."""
+    if camera is None:
+        bounds = stage_bounds(stage, time, purposes)
+        if bounds is None:
+            bounds = (np.full(3, -0.5), np.full(3, 0.5))
+        camera = framing_camera(bounds, str(UsdGeom.GetStageUpAxis(stage)))
+    width, height = resolve_size(camera, settings, options.width, options.height)
+    return Detail.of(options.complexity, conformed(camera, settings, width, height), width)
 
 
 def _frame_everything(

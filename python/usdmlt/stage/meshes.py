@@ -9,12 +9,10 @@ from pxr import Usd, UsdGeom
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Mesh
-from usdmlt.stage.normals import (
-    authored_normals,
-    normals_at_corners,
-    smooth_normals,
-)
-from usdmlt.stage.primvars import Topology
+from usdmlt.stage.detail import Detail
+from usdmlt.stage.normals import authored_normals, normals_at_corners
+from usdmlt.stage.primvars import Spreads, Topology
+from usdmlt.stage.subdivided import SCHEMES, subdivide
 from usdmlt.stage.triangulation import triangulate
 from usdmlt.stage.vectors import cross, dot
 
@@ -86,16 +84,22 @@ def read_mesh(
     prim: Usd.Prim,
     points: np.ndarray,
     time: Usd.TimeCode,
+    detail: Detail,
     report: Report,
-) -> tuple[Mesh, Topology] | None:
+) -> tuple[Mesh, Spreads] | None:
     """The triangles and normals of a mesh with points (n, 3) float32, and how they relate to what
     was authored; None if nothing is left to see.
 
-    Meshes of another subdivision scheme than "none" are shown as their cage, smoothly shaded:
-    authored normals do not apply to them (UsdGeomMesh).
+    Authored normals do not apply to subdivision surfaces (UsdGeomMesh).
     """
     mesh, path = UsdGeom.Mesh(prim), prim.GetPath()
     polygons = read_polygons(mesh, points, time)
+    scheme = str(mesh.GetSubdivisionSchemeAttr().Get(time))
+    if scheme in SCHEMES and len(polygons.counts):
+        return subdivide(mesh, points, polygons.counts, polygons.indices, time, detail, report)
+    if scheme != UsdGeom.Tokens.none and scheme not in SCHEMES:
+        report.warn(f"subdivision by the unknown scheme {scheme!r} is left out", path)
+
     topology = read_topology(mesh, polygons, time)
     if not len(topology.vertices):
         report.note("meshes without faces", path)
@@ -107,12 +111,8 @@ def read_mesh(
     if not len(topology.vertices):
         return None
 
-    if mesh.GetSubdivisionSchemeAttr().Get(time) != UsdGeom.Tokens.none:
-        report.warn("subdivision surfaces are rendered as their cage", path)
-        normals = smooth_normals(points, topology.vertices)
-    else:
-        authored = authored_normals(mesh, topology, time, report)
-        normals = authored and normals_at_corners(*authored, topology, points)
+    authored = authored_normals(mesh, topology, time, report)
+    normals = authored and normals_at_corners(*authored, topology, points)
     return (
         Mesh(points=points, triangles=topology.vertices, normals=normals, name=str(path)),
         topology,
@@ -120,7 +120,7 @@ def read_mesh(
 
 
 def face_materials(
-    topology: Topology, default: int, subsets: list[tuple[Usd.Prim, np.ndarray, int]]
+    topology: Spreads, default: int, subsets: list[tuple[Usd.Prim, np.ndarray, int]]
 ) -> int | np.ndarray:
     """One material for the mesh, or one per triangle where face subsets have their own."""
     if not subsets:

@@ -7,7 +7,7 @@ from pxr import Usd, UsdGeom
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Primvar
-from usdmlt.stage.primvars import Topology, at_corners
+from usdmlt.stage.primvars import Topology
 from usdmlt.stage.vectors import cross
 
 
@@ -54,7 +54,7 @@ def normals_at_corners(
     points: np.ndarray,
 ) -> Primvar | None:
     """Unit normals as a primvar. Where one has no direction, the face's own takes its place."""
-    primvar = at_corners(values, indices, interpolation, topology)
+    primvar = topology.spread(values, indices, interpolation)
     if primvar is None:
         return None
     length = np.linalg.norm(values.astype(np.float64), axis=1, keepdims=True)

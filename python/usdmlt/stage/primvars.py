@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from pxr import Usd, UsdGeom
@@ -40,6 +41,18 @@ class Topology:
             return self.corner_count, self.corners
         return self.point_count, self.vertices
 
+    def spread(
+        self, values: np.ndarray, indices: np.ndarray | None, interpolation: str
+    ) -> Primvar | None:
+        """Authored values (count, width) at the corners of triangles; None if their number does not
+        fit. ``indices`` are within range."""
+        expected, elements = self.elements(interpolation)
+        if not fits(values, indices, expected, interpolation):
+            return None
+        if indices is not None:
+            return Primvar(values, indices.astype(np.int32, copy=False)[elements])
+        return Primvar(values, None if elements is self.vertices else elements)
+
     def subset(self, keep: np.ndarray) -> Topology:
         """The same mesh with fewer triangles, chosen by a mask."""
         return Topology(
@@ -52,23 +65,35 @@ class Topology:
         )
 
 
-def at_corners(
-    values: np.ndarray, indices: np.ndarray | None, interpolation: str, topology: Topology
-) -> Primvar | None:
-    """Spread authored values over triangle corners; None if their number does not fit.
+def fits(values: np.ndarray, indices: np.ndarray | None, expected: int, interpolation: str) -> bool:
+    """Whether there are as many values as an interpolation takes; more than one constant is fine.
 
-    ``values`` (count, width). Raises IndexError for indices out of range.
+    Raises IndexError for indices out of range.
     """
-    expected, elements = topology.elements(interpolation)
     count = len(values) if indices is None else len(indices)
-    constant = interpolation == UsdGeom.Tokens.constant
-    if count < expected or (count > expected and not constant):
-        return None
-    if indices is not None:
-        if len(indices) and not (indices.min() >= 0 and indices.max() < len(values)):
-            raise IndexError
-        return Primvar(values, indices.astype(np.int32, copy=False)[elements])
-    return Primvar(values, None if elements is topology.vertices else elements)
+    if count < expected or (count > expected and interpolation != UsdGeom.Tokens.constant):
+        return False
+    if indices is None or not len(indices):
+        return True
+    if not (indices.min() >= 0 and indices.max() < len(values)):
+        raise IndexError
+    return True
+
+
+class Spreads(Protocol):
+    """What authored values are spread over: the triangles of a mesh, and how they came about.
+
+    ``faces`` (triangles,): the authored face of each; ``vertices`` (triangles, 3): its points.
+    """
+
+    point_count: int
+    face_count: int
+    faces: np.ndarray
+    vertices: np.ndarray
+
+    def spread(
+        self, values: np.ndarray, indices: np.ndarray | None, interpolation: str
+    ) -> Primvar | None: ...
 
 
 def as_floats(value) -> np.ndarray | None:
@@ -89,7 +114,7 @@ def as_floats(value) -> np.ndarray | None:
 def read_primvars(
     prim: Usd.Prim,
     names: set[str],
-    topology: Topology,
+    topology: Spreads,
     time: Usd.TimeCode,
     colors: ColorSpaces,
     report: Report,
@@ -109,7 +134,7 @@ def read_primvars(
 
 def read_primvar(
     primvar: UsdGeom.Primvar,
-    topology: Topology,
+    topology: Spreads,
     time: Usd.TimeCode,
     colors: ColorSpaces,
     report: Report,
@@ -133,7 +158,7 @@ def read_primvar(
     if primvar.IsIndexed():
         indices = np.asarray(primvar.GetIndices(time))
     try:
-        result = at_corners(values, indices, primvar.GetInterpolation(), topology)
+        result = topology.spread(values, indices, primvar.GetInterpolation())
     except IndexError:
         raise Error(f"{path}: primvar indices out of range (0 to {len(values) - 1})") from None
     if result is None:

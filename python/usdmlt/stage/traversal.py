@@ -52,6 +52,8 @@ class Group:
     instances: list[Placed] = field(default_factory=list)  # of native prototypes
     instancers: list[Placed] = field(default_factory=list)
     children: list[tuple[Group, np.ndarray]] = field(default_factory=list)  # (n, 4, 4) each
+    # Where all of it is in the world, (n, 4, 4); filled in once all groups are known:
+    placements: np.ndarray = field(default_factory=lambda: np.empty((0, 4, 4)))
     # Filled in once the prims are read:
     scene_meshes: list[Mesh] = field(default_factory=list)
     scene_lights: list[Light] = field(default_factory=list)

@@ -1,0 +1,97 @@
+"""How fine curved surfaces are made: a fixed level, or until an edge is as long as two pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from usdmlt.scene import Camera
+
+# usdrecord's complexities 1.0 to 1.3 are refinement levels 0 to 3.
+COMPLEXITIES = {"low": 0, "medium": 1, "high": 2, "veryhigh": 3}
+
+PIXELS = 2.0  # length of an edge
+LARGEST = 1 << 20  # triangles that a surface is refined to at most, unless the level is fixed
+
+
+@dataclass
+class Detail:
+    """How large things are in the picture, and so how fine they have to be.
+
+    ``fixed``: the level whatever the size, or None. ``pixel``: a pixel's size at distance 1 from
+    ``eye``, or anywhere before an orthographic camera (``eye`` None). The mesh at hand is at
+    ``local`` (4, 4) in a group that is ``placements`` (n, 4, 4) in the world.
+    """
+
+    fixed: int | None = None
+    eye: np.ndarray | None = None
+    pixel: float = 0.0
+    local: np.ndarray = field(default_factory=lambda: np.eye(4))
+    placements: np.ndarray = field(default_factory=lambda: np.eye(4)[None])
+
+    @classmethod
+    def of(cls, complexity: str | None, camera: Camera, width: int) -> Detail:
+        """For a picture ``width`` pixels wide; ``complexity`` None: by size."""
+        left, right = camera.window[:2]
+        eye = camera.transform[3, :3].copy() if camera.projection == "perspective" else None
+        fixed = None if complexity is None else COMPLEXITIES[complexity]
+        return cls(fixed, eye, abs(right - left) / width)
+
+    def placed(self, local: np.ndarray, placements: np.ndarray) -> Detail:
+        """The same for another mesh."""
+        return Detail(self.fixed, self.eye, self.pixel, local, placements)
+
+    def level(self, points: np.ndarray, edges: np.ndarray, corners: int) -> int:
+        """The level at which the root mean square length of ``edges`` (n, 2) between ``points`` is
+        two pixels; their squares add up to about the area in the picture, and so does the number of
+        triangles. ``corners``: half the triangles of level 1."""
+        if self.fixed is not None:
+            return self.fixed
+        if not len(edges) or self.pixel <= 0:
+            return 0
+        transform = self._nearest(points)
+        at = points.astype(np.float64) @ transform[:3, :3] + transform[3, :3]
+        ends = at[edges]
+        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        size = np.full(len(edges), self.pixel)
+        if self.eye is not None:
+            distance = np.linalg.norm(ends.mean(axis=1) - self.eye, axis=1)
+            size = self.pixel * np.maximum(distance, length / 2)
+        pixels = math.sqrt(float(np.mean(np.square(length[size > 0] / size[size > 0]))))
+        level = math.ceil(math.log2(max(pixels / PIXELS, 1.0)))
+        largest = int(math.log(max(LARGEST / (2 * corners), 1), 4)) + 1
+        return min(level, largest)
+
+    def pixels(self, points: np.ndarray, length: float) -> float:
+        """How many pixels a length among ``points`` (n, 3) has where it looks largest."""
+        if self.pixel <= 0:
+            return math.inf
+        transform = self._nearest(points)
+        scale = _scale(transform)
+        if self.eye is None:
+            return length * scale / self.pixel
+        at = points.astype(np.float64) @ transform[:3, :3] + transform[3, :3]
+        distance = float(np.linalg.norm(at - self.eye, axis=1).min())
+        return length * scale / (self.pixel * max(distance, length * scale))
+
+    def _nearest(self, points: np.ndarray) -> np.ndarray:
+        """The transform to the world in which the points look largest."""
+        placements = self.placements
+        if len(placements) == 1:
+            return self.local @ placements[0]
+        scale = _scale(placements)
+        if self.eye is not None:
+            low, high = points.min(axis=0), points.max(axis=0)
+            center = (low + high) / 2 @ self.local[:3, :3] + self.local[3, :3]
+            radius = _scale(self.local) * np.linalg.norm(high - low) / 2
+            at = center @ placements[:, :3, :3] + placements[:, 3, :3]
+            distance = np.linalg.norm(at - self.eye, axis=1)
+            scale = scale / np.maximum(distance, radius * scale)
+        return self.local @ placements[int(np.argmax(scale))]
+
+
+def _scale(transforms: np.ndarray) -> np.ndarray:
+    """The longest row of (..., 4, 4): about how much larger things become."""
+    return np.sqrt(np.square(transforms[..., :3, :3]).sum(axis=-1).max(axis=-1))
