@@ -8,7 +8,13 @@ from pxr import UsdLux
 from scipy import integrate
 
 from usdmlt.errors import Error
-from usdmlt.stage.lights import cylinder_area, disk_area, distant_size, rect_area, sphere_area
+from usdmlt.stage.light_sizes import (
+    cylinder_area,
+    disk_area,
+    distant_size,
+    rect_area,
+    sphere_area,
+)
 
 COLOR = "color3f inputs:color = (0.5, 0.25, 1)"
 SCALED = """
@@ -245,7 +251,7 @@ def test_lights_that_cannot_be_name_their_path(read, body, says):
         ("bool collection:lightLink:includeRoot = false", "linking"),
         ("rel collection:shadowLink:includes = </c>", "linking"),
         ("bool inputs:shadow:enable = false", "cast shadows"),
-        ("asset inputs:shaping:ies:file = @profile.ies@", "IES"),
+        ("rel portals = </p>", "portals"),
         ("float inputs:intensity = -1", "negative intensity"),
     ],
 )
@@ -262,7 +268,37 @@ def test_other_lights_are_warned_of(examine, kind):
     assert [w.paths for w in found.warnings if kind in w.kind] == [["/l"]]
 
 
-def test_mesh_lights_are_warned_of(examine):
-    found = examine('def Mesh "m" (prepend apiSchemas = ["MeshLightAPI"]) { QUAD }')
-    assert [w.paths for w in found.warnings if "mesh lights" in w.kind] == [["/m"]]
-    assert found.meshes == 1
+@pytest.mark.parametrize(
+    ("body", "area"),
+    [
+        ('SphereLight "l" { bool treatAsPoint = true', 4 * np.pi * 0.1**2),
+        (
+            'CylinderLight "l" { bool treatAsLine = true\nfloat inputs:length = 3',
+            2 * np.pi * 0.1 * 3,
+        ),
+    ],
+)
+def test_a_point_or_line_of_no_radius_is_a_millimetre_thick_and_as_if_normalized(
+    only_light, body, area
+):
+    """The scene's unit is a centimetre."""
+    light = only_light(f"def {body}\nfloat inputs:radius = 0 }}", "metersPerUnit = 0.01")
+    assert light.radius == pytest.approx(0.1)
+    assert light.radiance == pytest.approx((1 / area,) * 3, rel=1e-6)
+
+
+def test_a_light_of_some_radius_is_rendered_with_it_though_it_may_be_a_point(only_light):
+    light = only_light('def SphereLight "l" { bool treatAsPoint = true }')
+    assert (light.radius, light.radiance) == (0.5, (1, 1, 1))
+
+
+def test_no_radius_without_the_hint_is_an_error(read):
+    with pytest.raises(Error, match="radius of the light is 0"):
+        read('def SphereLight "l" { float inputs:radius = 0 }')
+
+
+@pytest.mark.parametrize("kind", ["SphereLight", "DomeLight", "DistantLight"])
+def test_invisible_lights_give_no_light(read, kind):
+    body = f'def {kind} "l" {{ token visibility = "invisible" }}'
+    assert read(body, default_light=False).lights == []
+    assert len(read(body.replace("invisible", "inherited")).lights) == 1

@@ -7,66 +7,26 @@ included, as hdEmbree takes them.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from pxr import Usd, UsdLux
+from pxr import Ar, Sdf, Usd, UsdGeom, UsdLux
 
 from usdmlt import scene
 from usdmlt.errors import Error, Report
 from usdmlt.stage.color import DEFAULT, ColorSpaces
+from usdmlt.stage.dome_formats import LATLONG, LAYOUTS, layout, to_latlong
+from usdmlt.stage.ies_profiles import Malformed, parse_ies, shaped
+from usdmlt.stage.light_sizes import (
+    cylinder_area,
+    disk_area,
+    distant_size,
+    rect_area,
+    sphere_area,
+)
 from usdmlt.stage.numbers import finite_number
 from usdmlt.stage.textures import Textures
-
-# ---------------------------------------------------------------------------------------------
-# World-space sizes that `normalize` divides by. `linear` (3, 3): rows are where x, y, z go.
-
-
-def rect_area(linear: np.ndarray, width: float, height: float) -> float:
-    """The area of the parallelogram that a rectangle becomes."""
-    return float(np.linalg.norm(np.cross(linear[0] * width, linear[1] * height)))
-
-
-def disk_area(linear: np.ndarray, radius: float) -> float:
-    """The area of the ellipse that a disk becomes."""
-    return math.pi * radius**2 * float(np.linalg.norm(np.cross(linear[0], linear[1])))
-
-
-def sphere_area(linear: np.ndarray, radius: float) -> float:
-    """The area of an ellipsoid by Thomsen's formula, p = 1.6075 (within 1.1 %; exact for spheres).
-
-    The semi-axes are the singular values of the transform.
-    """
-    a, b, c = radius * np.linalg.svd(linear, compute_uv=False)
-    p = 1.6075
-    mean = ((a * b) ** p + (a * c) ** p + (b * c) ** p) / 3
-    return float(4 * math.pi * mean ** (1 / p))
-
-
-def cylinder_area(linear: np.ndarray, radius: float, length: float) -> float:
-    """The lateral area: the ellipse's perimeter (Ramanujan 1914) times the length, no caps."""
-    a, b = radius * np.linalg.norm(linear[1]), radius * np.linalg.norm(linear[2])
-    h = ((a - b) / (a + b)) ** 2
-    perimeter = math.pi * (a + b) * (1 + 3 * h / (10 + math.sqrt(4 - 3 * h)))
-    return float(perimeter * length * np.linalg.norm(linear[0]))
-
-
-def distant_size(angle_degrees: float) -> float:
-    """The solid angle, weighted by the cosine, of a distant light: radiance 1 gives this many lux.
-
-    θ = angle / 2: π sin²θ up to a hemisphere, π (2 - sin²θ) beyond; 1 for a Dirac light.
-    """
-    theta = min(max(math.radians(angle_degrees) / 2, 0.0), math.pi)
-    if theta == 0:
-        return 1.0
-    sine2 = math.sin(theta) ** 2
-    return math.pi * sine2 if theta <= math.pi / 2 else math.pi * (2 - sine2)
-
-
-# ---------------------------------------------------------------------------------------------
-# Reading
 
 
 class LightReader:
@@ -85,6 +45,8 @@ class LightReader:
         self.textures = textures
         self.report = report
         self.up_axis = up_axis
+        self._profiles: dict[str, scene.IesProfile | None] = {}
+        self._resampled: dict[tuple[int, str], int] = {}
 
     def read(self, prim: Usd.Prim, kind: str, transform: np.ndarray) -> scene.Light:
         """One light of a type in :data:`READERS`. ``transform`` (4, 4): light to world.
@@ -121,13 +83,27 @@ class LightReader:
             raise Error(f"{prim.GetPath()}: {name} of the light is {value:g}; it must be positive")
         return value
 
-    def radiance(self, prim: Usd.Prim, size: float = 1.0) -> scene.Color:
-        """The light's radiance in the rendering colour space; ``size``: its normalization."""
+    def radius(self, prim: Usd.Prim, hint: str) -> tuple[float, bool]:
+        """A radius, and whether it stands for 0.
+
+        Area lights need not follow ``treatAsPoint`` and ``treatAsLine``; but where the radius
+        that comes with them is 0, the light is a millimetre thick and as if normalized: without
+        surface it would give no light otherwise.
+        """
+        value, treated = self.number(prim, "radius"), prim.GetAttribute(hint)
+        if value == 0 and treated and treated.Get(self.time):
+            meters = UsdGeom.GetStageMetersPerUnit(prim.GetStage())
+            return 1e-3 / meters, True
+        return self.length(prim, "radius"), False
+
+    def radiance(self, prim: Usd.Prim, size: float = 1.0, normalized: bool = False) -> scene.Color:
+        """The light's radiance in the rendering colour space; ``size``: its normalization, which
+        counts where the light asks for it or ``normalized`` is set."""
         strength = self.number(prim, "intensity") * 2.0 ** self.number(prim, "exposure")
         if strength < 0:
             self.report.warn("lights of negative intensity are dark", prim.GetPath())
             strength = 0.0
-        if self.value(prim, "normalize"):
+        if normalized or self.value(prim, "normalize"):
             strength /= size
         # Color and blackbody multiply in Rec.709, where the blackbody is defined, so that the
         # light does not depend on the rendering space.
@@ -141,15 +117,18 @@ class LightReader:
         rgb = self.colors.convert(strength * rec709, DEFAULT)
         return (float(rgb[0]), float(rgb[1]), float(rgb[2]))
 
+    def mesh_radiance(self, prim: Usd.Prim, area: float) -> scene.Color:
+        """The radiance of a mesh with MeshLightAPI; ``area``: in the world."""
+        self._warn_of_unsupported(prim, "MeshLightAPI")
+        self.warn_of_shaping(prim, "meshes")
+        return self.radiance(prim, area)
+
     def shaping(self, prim: Usd.Prim) -> scene.Shaping | None:
-        """Cone and focus, where ShapingAPI is applied or authored."""
-        names = ("focus", "focusTint", "cone:angle", "cone:softness")
+        """Cone, focus and profile, where ShapingAPI is applied or authored."""
+        names = ("focus", "focusTint", "cone:angle", "cone:softness", "ies:file")
         applied = prim.HasAPI(UsdLux.ShapingAPI)
         if not applied and not any(self._authored(prim, f"shaping:{name}") for name in names):
             return None
-        profile = self.value(prim, "shaping:ies:file")
-        if profile is not None and profile.path:
-            self.report.warn("IES profiles are not rendered", prim.GetPath())
         values = [self.value(prim, f"shaping:{name}") for name in names]
         default = scene.Shaping()
         tint = self.attribute(prim, "shaping:focusTint")
@@ -162,15 +141,37 @@ class LightReader:
             if values[2] is None
             else float(values[2]),
             cone_softness=default.cone_softness if values[3] is None else float(values[3]),
+            ies=self._profile(prim, values[4]),
         )
 
-    def warn_of_shaping(self, prim: Usd.Prim) -> None:
-        """Lights at infinity are not shaped; say so where one was meant to be."""
+    def _profile(self, prim: Usd.Prim, asset: Sdf.AssetPath | None) -> scene.IesProfile | None:
+        if asset is None or not asset.path:
+            return None
+        path = asset.resolvedPath
+        if path not in self._profiles:
+            try:
+                self._profiles[path] = parse_ies(_read_text(path))
+            except Malformed as reason:
+                self._profiles[path] = None
+                place = f"{prim.GetPath()} ({path or asset.path}: {reason})"
+                self.report.warn("IES profiles cannot be read", place)
+        profile = self._profiles[path]
+        if profile is None:
+            return None
+        scale = self.value(prim, "shaping:ies:angleScale")
+        normalize = bool(self.value(prim, "shaping:ies:normalize"))
+        return shaped(profile, 0.0 if scale is None else float(scale), normalize)
+
+    def warn_of_shaping(self, prim: Usd.Prim, of: str = "lights at infinity") -> None:
+        """Lights of some kinds are not shaped; say so where one was meant to be."""
         shaping = self.shaping(prim)
-        names = ("shaping:focus", "shaping:cone:angle")
+        names = ("shaping:focus", "shaping:cone:angle", "shaping:ies:file")
         authored = any(self._authored(prim, name) for name in names)
-        if shaping and authored and (shaping.focus > 0 or shaping.cone_angle_degrees < 90):
-            self.report.warn("shaping of lights at infinity is ignored", prim.GetPath())
+        changes = shaping and (
+            shaping.focus > 0 or shaping.cone_angle_degrees < 90 or shaping.ies is not None
+        )
+        if authored and changes:
+            self.report.warn(f"shaping of {of} is ignored", prim.GetPath())
 
     def texture(self, prim: Usd.Prim) -> int | None:
         """The index of the light's texture; None if it has none or it cannot be read."""
@@ -179,6 +180,27 @@ class LightReader:
         if value is None or not value.path:
             return None
         return self.textures.add_light_texture(attribute, value)
+
+    def dome_texture(self, prim: Usd.Prim) -> int | None:
+        """As :meth:`texture`; images of another layout are resampled to lat-long."""
+        index = self.texture(prim)
+        if index is None:
+            return None
+        texture = self.textures.textures[index]
+        height, width = texture.pixels.shape[:2]
+        name = layout(self.value(prim, "texture:format"), width, height)
+        if name == LATLONG:
+            return index
+        if name not in LAYOUTS:
+            self.report.warn("dome textures are read as latlong", f"{prim.GetPath()} ({name})")
+            return index
+        if (index, name) not in self._resampled:
+            pixels = to_latlong(texture.linear(), name)
+            self._resampled[index, name] = len(self.textures.textures)
+            self.textures.textures.append(
+                scene.Texture(pixels, wrap_s="repeat", wrap_t="clamp", name=texture.name)
+            )
+        return self._resampled[index, name]
 
     def _authored(self, prim: Usd.Prim, name: str) -> bool:
         attribute = self.attribute(prim, name)
@@ -190,8 +212,9 @@ class LightReader:
             value = self.value(prim, name)
             if value is not None and value != 1:
                 report.warn("diffuse and specular multipliers of lights are ignored", path)
-        if prim.GetRelationship("light:filters").GetTargets():
-            report.warn("light filters are not rendered", path)
+        for relationship, kind_of in (("light:filters", "filters"), ("portals", "portals")):
+            if prim.GetRelationship(relationship).GetTargets():
+                report.warn(f"light {kind_of} are not rendered", path)
         for collection in ("lightLink", "shadowLink"):
             rule = prim.GetAttribute(f"collection:{collection}:includeRoot")
             linked = rule and rule.Get(self.time) is False
@@ -202,6 +225,15 @@ class LightReader:
                 report.warn("light and shadow linking are ignored", path)
         if prim.HasAPI(UsdLux.ShadowAPI) and self.value(prim, "shadow:enable") is False:
             report.warn("lights always cast shadows", path)
+
+
+def _read_text(path: str) -> str:
+    """A text file, wherever USD's resolver finds it."""
+    asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)) if path else None
+    if not asset:
+        raise Malformed("there is no such file")
+    with asset:
+        return bytes(asset.GetBuffer()).decode("latin-1")
 
 
 # ---------------------------------------------------------------------------------------------
@@ -233,9 +265,9 @@ def _disk(reader: LightReader, prim: Usd.Prim, transform: np.ndarray) -> scene.D
 
 
 def _sphere(reader: LightReader, prim: Usd.Prim, transform: np.ndarray) -> scene.SphereLight:
-    radius = reader.length(prim, "radius")
+    radius, is_point = reader.radius(prim, "treatAsPoint")
     return scene.SphereLight(
-        radiance=reader.radiance(prim, sphere_area(transform[:3, :3], radius)),
+        radiance=reader.radiance(prim, sphere_area(transform[:3, :3], radius), is_point),
         radius=radius,
         transform=transform,
         shaping=reader.shaping(prim),
@@ -244,9 +276,9 @@ def _sphere(reader: LightReader, prim: Usd.Prim, transform: np.ndarray) -> scene
 
 
 def _cylinder(reader: LightReader, prim: Usd.Prim, transform: np.ndarray) -> scene.CylinderLight:
-    radius, length = reader.length(prim, "radius"), reader.length(prim, "length")
+    (radius, is_line), length = reader.radius(prim, "treatAsLine"), reader.length(prim, "length")
     return scene.CylinderLight(
-        radiance=reader.radiance(prim, cylinder_area(transform[:3, :3], radius, length)),
+        radiance=reader.radiance(prim, cylinder_area(transform[:3, :3], radius, length), is_line),
         radius=radius,
         length=length,
         transform=transform,
@@ -278,16 +310,13 @@ _POLE_Z = np.array(
 def _dome(reader: LightReader, prim: Usd.Prim, transform: np.ndarray) -> scene.DomeLight:
     if not abs(np.linalg.det(transform[:3, :3])) > 0:
         raise Error(f"{prim.GetPath()}: the light's transform is singular")
-    layout = reader.value(prim, "texture:format")
-    if layout not in (None, UsdLux.Tokens.automatic, UsdLux.Tokens.latlong):
-        reader.report.warn("dome textures are read as latlong", f"{prim.GetPath()} ({layout})")
     reader.warn_of_shaping(prim)
     pole = prim.GetAttribute("poleAxis").Get() if prim.GetAttribute("poleAxis") else "Y"
     if pole == "scene":
         pole = reader.up_axis
     return scene.DomeLight(
         radiance=reader.radiance(prim),
-        texture=reader.texture(prim),
+        texture=reader.dome_texture(prim),
         transform=_POLE_Z @ transform if pole == "Z" else transform,
         name=str(prim.GetPath()),
     )

@@ -21,6 +21,7 @@ from usdmlt.stage.geometry import GeometryReader
 from usdmlt.stage.instancing import Instancing, flatten
 from usdmlt.stage.lights import LightReader, default_dome
 from usdmlt.stage.materials import Materials, emits
+from usdmlt.stage.mesh_lights import MeshLights
 from usdmlt.stage.networks import Networks
 from usdmlt.stage.opening import open_stage, time_code, usd_diagnostics
 from usdmlt.stage.render_settings import Product, RenderSettings, read_render_settings
@@ -150,8 +151,12 @@ def _read_content(
     )
     up_axis = str(UsdGeom.GetStageUpAxis(stage))
     lights = LightReader(time, colors, textures, report, up_axis)
+    mesh_lights = MeshLights(
+        materials.materials, settings.material_purpose, lights.mesh_radiance, report
+    )
     for group in instancing.groups:
         group.scene_meshes = geometry.read(group)
+        mesh_lights.apply(group)
         group.scene_lights = [lights.read(p.prim, p.kind, p.matrix) for p in group.lights]
 
     meshes, prototypes, instances, placed_lights = flatten(instancing.groups)

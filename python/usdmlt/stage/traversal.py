@@ -126,8 +126,6 @@ class Traversal:
         placed = Placed(prim, kind.name, transform, purpose)
         if kind.role in ("mesh", "gprim"):
             group.gprims.append(placed)
-            if prim.HasAPI(UsdLux.LightAPI):
-                self.report.warn("mesh lights are rendered as plain meshes", prim.GetPath())
         elif kind.role == "light":
             group.lights.append(placed)
         elif kind.role == "instancer":
