@@ -20,7 +20,6 @@ int parameter_count(OperationType type) {
         case OperationType::conductor:
             return 5;
         case OperationType::dielectric:
-            return 6;
         case OperationType::schlick:
             return 7;
         case OperationType::preview_surface:
@@ -88,8 +87,9 @@ Lobe make_lobe(const Material& material, const Operation& op, const Values& valu
             lobe.eta = sane_index(values.number(p[0]));
             lobe.is_interface = material.has_interface;
             rough(lobe, p[1], p[2]);
-            weighted(lobe, values.color(p[3]), p[5]);
+            weighted(lobe, values.color(p[3]), p[6]);
             lobe.color0 = values.color(p[4]);
+            lobe.tint_transmission = values.color(p[5]);
             break;
         case OperationType::conductor:
             lobe.type = LobeType::conductor;

@@ -18,7 +18,8 @@ enum class OperationType : uint8_t {
     diffuse,          // color, weight, roughness
     eon,              // color, weight, roughness
     translucent,      // color, weight
-    dielectric,       // ior, roughness x, roughness y, tint, reflection tint, weight
+    dielectric,       // ior, roughness x, roughness y, tint, tints of reflection and transmission,
+                      // weight
     conductor,        // ior, extinction, roughness x, roughness y, weight
     schlick,          // color0, color82, color90, exponent, roughness x, roughness y, weight
     sheen,            // color, weight, roughness

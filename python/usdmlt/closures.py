@@ -94,7 +94,7 @@ LOBES: dict[type, tuple[str, tuple[str | tuple[str], ...]]] = {
     scene.Translucent: ("translucent", ("color", "weight")),
     scene.Dielectric: (
         "dielectric",
-        ("ior", ("roughness",), "tint", "reflection_tint", "weight"),
+        ("ior", ("roughness",), "tint", "reflection_tint", "transmission_tint", "weight"),
     ),
     scene.Conductor: ("conductor", ("ior", "extinction", ("roughness",), "weight")),
     scene.GeneralizedSchlick: (
@@ -218,7 +218,7 @@ class _Compiler:
             if value.channel == "rgb":
                 return self.constant(value.fallback[:3])
             return self.constant(value.fallback[CHANNELS[value.channel]])
-        texel = self.lookup(value, self.coordinates(value))
+        texel = self.lookup(value.texture, self.coordinates(value))
         if tuple(value.scale) != (1, 1, 1, 1):
             texel = self.append("multiply", 4, 0, [texel, self.constant(value.scale)])
         if tuple(value.bias) != (0, 0, 0, 0):
@@ -240,14 +240,13 @@ class _Compiler:
             return st
         return self.append("affine", 2, 0, [st, *(self.constant(row) for row in transform)])
 
-    def lookup(self, value: scene.TextureInput, st: int) -> int:
-        tiles = value.texture if isinstance(value.texture, dict) else {0: value.texture}
-        for texture in tiles.values():
-            if not 0 <= texture < self.texture_count:
-                raise ValueError(f"texture {texture} is none of the scene's")
-        if not isinstance(value.texture, dict):
-            return self.append("texture", 4, value.texture, [st])
-        numbered = sorted(tiles.items())
+    def lookup(self, texture: int | dict[int, int], st: int) -> int:
+        for index in texture.values() if isinstance(texture, dict) else [texture]:
+            if not 0 <= index < self.texture_count:
+                raise ValueError(f"texture {index} is none of the scene's")
+        if not isinstance(texture, dict):
+            return self.append("texture", 4, texture, [st])
+        numbered = sorted(texture.items())
         if numbered not in self.tile_sets:
             self.tile_sets.append(numbered)
         return self.append("udim", 4, self.tile_sets.index(numbered), [st])

@@ -142,7 +142,7 @@ class Translucent:
 class Dielectric:
     """Dielectric interface, as ``ND_dielectric_bsdf``: reflects ("R"), transmits ("T") or both.
 
-    ``tint`` scales both, ``reflection_tint`` only what is reflected.
+    ``tint`` scales both, ``reflection_tint`` and ``transmission_tint`` one of them.
     """
 
     ior: Input = 1.5
@@ -151,6 +151,7 @@ class Dielectric:
     weight: Input = 1.0
     scatter_mode: Literal["R", "T", "RT"] = "R"
     reflection_tint: Input = (1.0, 1.0, 1.0)
+    transmission_tint: Input = (1.0, 1.0, 1.0)
 
 
 @dataclass

@@ -287,9 +287,9 @@ def test_the_materialx_context_comes_before_the_universal_one(material):
 @pytest.mark.parametrize(
     "nodes",
     [
-        node("bsdf", "ND_sheen_bsdf"),
+        node("bsdf", "ND_chiang_hair_bsdf"),
         node("bsdf", "ND_layer_bsdf", connect("top", "bsdf") + connect("base", "bsdf")),
-        node("noise", "ND_fractal3d_float")
+        node("noise", "ND_worleynoise3d_float")
         + node("bsdf", "ND_dielectric_bsdf", connect("weight", "noise", "float")),
     ],
 )
@@ -298,7 +298,7 @@ def test_graphs_that_cannot_be_rendered_leave_it_to_the_universal_context(materi
 
 
 def test_a_surface_shader_that_is_not_known_leaves_it_to_the_universal_context(read):
-    body = MATERIAL.replace("ND_surface", "ND_standard_surface_surfaceshader")
+    body = MATERIAL.replace("ND_surface", "ND_disney_principled_surfaceshader")
     scene = read(body.replace("SURFACE", "").replace("NODES", UNIVERSAL))
     assert scene.materials[0].closure == PreviewSurface(roughness=0.75)
 
@@ -306,7 +306,7 @@ def test_a_surface_shader_that_is_not_known_leaves_it_to_the_universal_context(r
 @pytest.mark.parametrize(
     ("nodes", "says"),
     [
-        (node("bsdf", "ND_sheen_bsdf"), "ND_sheen_bsdf are not rendered: /M/bsdf"),
+        (node("bsdf", "ND_chiang_hair_bsdf"), "ND_chiang_hair_bsdf are not rendered: /M/bsdf"),
         (
             node("bsdf", "ND_layer_bsdf", connect("top", "bsdf") + connect("base", "bsdf")),
             "circle: /M/bsdf",

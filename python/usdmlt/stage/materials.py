@@ -12,6 +12,7 @@ from usdmlt.scene import (
     Closure,
     Diffuse,
     Material,
+    Node,
     PreviewSurface,
     PrimvarInput,
     TextureInput,
@@ -26,13 +27,18 @@ from usdmlt.stage.networks import (
     node_id,
     undeclared_output,
 )
+from usdmlt.stage.open_pbr_surface import read_open_pbr_surface
 from usdmlt.stage.preview_surface import read_preview_surface
+from usdmlt.stage.standard_surface import read_standard_surface
 
 # The surface nodes that are rendered. The MaterialX context comes first where it is one of them.
 SURFACES: dict[str, Callable[[Networks, UsdShade.Shader], Material]] = {
     "UsdPreviewSurface": read_preview_surface,
     "ND_UsdPreviewSurface_surfaceshader": read_preview_surface,
     "ND_surface": read_surface,
+    "ND_standard_surface_surfaceshader": read_standard_surface,
+    "ND_standard_surface_surfaceshader_100": read_standard_surface,
+    "ND_open_pbr_surface_surfaceshader": read_open_pbr_surface,
 }
 CONTEXTS = ("mtlx", "")
 GREY = (0.18, 0.18, 0.18)
@@ -140,18 +146,25 @@ class Materials:
             self.report.warn("materials without a surface", material.GetPath())
 
 
-def _primvar_names(node: object) -> Iterator[str]:
+def _primvar_names(node: object, seen: set[int] | None = None) -> Iterator[str]:
     """The primvars of all inputs below a dataclass of the scene description."""
+    seen = set() if seen is None else seen
+    if id(node) in seen:
+        return
+    seen.add(id(node))
     if isinstance(node, (TextureInput, PrimvarInput)):
         yield node.primvar
     if isinstance(getattr(node, "roughness", None), tuple):
         yield "st"  # anisotropy runs along it
-    if isinstance(node, tuple):
+    if isinstance(node, Node):
+        for item in node.inputs:
+            yield from _primvar_names(item, seen)
+    elif isinstance(node, tuple):
         for item in node:
-            yield from _primvar_names(item)
+            yield from _primvar_names(item, seen)
     elif is_dataclass(node):
         for field in fields(node):
-            yield from _primvar_names(getattr(node, field.name))
+            yield from _primvar_names(getattr(node, field.name), seen)
 
 
 def emits(material: Material) -> bool:

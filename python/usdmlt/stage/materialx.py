@@ -24,11 +24,15 @@ from usdmlt.scene import (
     Material,
     Mix,
     Multiply,
+    Node,
+    Sheen,
     TextureInput,
     Translucent,
     UniformEmission,
 )
-from usdmlt.stage.networks import Kind, Networks, Unusable, node_id
+from usdmlt.stage.expressions import lane
+from usdmlt.stage.materialx_normals import read_normal
+from usdmlt.stage.networks import Kind, Networks, Unusable
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
@@ -38,7 +42,7 @@ class Graph:
     """A graph of closures while it is read."""
 
     networks: Networks
-    normals: list[TextureInput] = field(default_factory=list)
+    normals: list[TextureInput | Node] = field(default_factory=list)
     active: list[Sdf.Path] = field(default_factory=list)
 
     def input(self, shader: UsdShade.Shader, name: str, default: Any, kind: Kind) -> Input:
@@ -73,6 +77,9 @@ def _roughness(graph: Graph, shader: UsdShade.Shader) -> Any:
     value = graph.input(shader, "roughness", (0.05, 0.05), "float2")
     if isinstance(value, TextureInput) and value.channel == "rgb":
         return replace(value, channel="r"), replace(value, channel="g")
+    if isinstance(value, Node) and value.width == 2:
+        x, y = value.inputs if value.operation == "combine2" else (lane(value, 0), lane(value, 1))
+        return x if x is y else (x, y)
     if isinstance(value, tuple) and len(value) == 2 and value[0] == value[1]:
         return value[0]
     return value
@@ -88,31 +95,12 @@ def _scatter_mode(graph: Graph, shader: UsdShade.Shader) -> str:
 
 def _note_shared(graph: Graph, shader: UsdShade.Shader) -> None:
     """Inputs that several BSDFs have: a normal map; thin films are left out."""
-    source = graph.networks.source(shader, "normal")
-    if source is not None and source.shader is not None:
-        normal = _normal_map(graph, source.shader)
-        if normal is None:
-            graph.networks.report.warn(
-                f"normals from {source.node or 'unknown nodes'} are not rendered", shader.GetPath()
-            )
-        else:
-            graph.normals.append(normal)
+    normal = read_normal(graph.networks, shader, "normal")
+    if normal is not None:
+        graph.normals.append(normal)
     thickness = graph.input(shader, "thinfilm_thickness", 0.0, "float")
     if thickness != 0.0:
         graph.networks.report.warn("thin films are not rendered", shader.GetPath())
-
-
-def _normal_map(graph: Graph, shader: UsdShade.Shader) -> TextureInput | None:
-    """ND_normalmap: a tangent-space normal stored as (n + 1) / 2."""
-    if not node_id(shader).startswith("ND_normalmap"):
-        return None
-    stored = graph.input(shader, "in", None, "data")
-    strength = graph.input(shader, "scale", 1.0, "float")
-    if not isinstance(stored, TextureInput) or not isinstance(strength, float):
-        return None
-    stored.scale = (2 * strength, 2 * strength, 2.0, 1.0)
-    stored.bias = (-strength, -strength, -1.0, 0.0)
-    return stored
 
 
 # ---------------------------------------------------------------------------------------------
@@ -125,6 +113,34 @@ def _diffuse(graph: Graph, shader: UsdShade.Shader) -> Closure:
         color=graph.input(shader, "color", (0.18, 0.18, 0.18), "color"),
         weight=graph.input(shader, "weight", 1.0, "float"),
         roughness=graph.input(shader, "roughness", 0.0, "float"),
+        energy_compensation=bool(graph.networks.value(shader, "energy_compensation", False)),
+    )
+
+
+def _burley(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    graph.networks.report.note(
+        "Burley's diffuse reflection is rendered as Oren and Nayar's", shader.GetPath()
+    )
+    return _diffuse(graph, shader)
+
+
+def _subsurface(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    _note_shared(graph, shader)
+    graph.networks.report.note(
+        "subsurface scattering is rendered as diffuse reflection", shader.GetPath()
+    )
+    return Diffuse(
+        color=graph.input(shader, "color", (0.18, 0.18, 0.18), "color"),
+        weight=graph.input(shader, "weight", 1.0, "float"),
+    )
+
+
+def _sheen(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    _note_shared(graph, shader)
+    return Sheen(
+        color=graph.input(shader, "color", WHITE, "color"),
+        weight=graph.input(shader, "weight", 1.0, "float"),
+        roughness=graph.input(shader, "roughness", 0.3, "float"),
     )
 
 
@@ -160,12 +176,9 @@ def _conductor(graph: Graph, shader: UsdShade.Shader) -> Closure:
 
 def _generalized_schlick(graph: Graph, shader: UsdShade.Shader) -> Closure:
     _note_shared(graph, shader)
-    if graph.input(shader, "color82", WHITE, "color") != WHITE:
-        graph.networks.report.warn(
-            "color82 of ND_generalized_schlick_bsdf is ignored", shader.GetPath()
-        )
     return GeneralizedSchlick(
         color0=graph.input(shader, "color0", WHITE, "color"),
+        color82=graph.input(shader, "color82", WHITE, "color"),
         color90=graph.input(shader, "color90", WHITE, "color"),
         exponent=graph.input(shader, "exponent", 5.0, "float"),
         roughness=_roughness(graph, shader),
@@ -211,6 +224,9 @@ def _multiply_by_color(graph: Graph, shader: UsdShade.Shader) -> Closure:
 
 CLOSURES: dict[str, Callable[[Graph, UsdShade.Shader], Closure]] = {
     "ND_oren_nayar_diffuse_bsdf": _diffuse,
+    "ND_burley_diffuse_bsdf": _burley,
+    "ND_subsurface_bsdf": _subsurface,
+    "ND_sheen_bsdf": _sheen,
     "ND_translucent_bsdf": _translucent,
     "ND_dielectric_bsdf": _dielectric,
     "ND_conductor_bsdf": _conductor,
@@ -240,8 +256,6 @@ def read_surface(networks: Networks, shader: UsdShade.Shader) -> Material:
     graph = Graph(networks)
     bsdf, emission = graph.closure(shader, "bsdf"), graph.closure(shader, "edf")
     closure = Add(bsdf, emission) if bsdf and emission else bsdf or emission
-    if networks.value(shader, "thin_walled", False):
-        networks.report.warn("thin-walled surfaces are rendered as solid ones", shader.GetPath())
     if any(str(normal) != str(graph.normals[0]) for normal in graph.normals[1:]):
         networks.report.warn(
             "closures of one surface share the first one's normal map", shader.GetPath()
@@ -250,4 +264,5 @@ def read_surface(networks: Networks, shader: UsdShade.Shader) -> Material:
         closure,
         opacity=networks.read(shader, "opacity", 1.0, "float"),
         normal=graph.normals[0] if graph.normals else None,
+        thin_walled=bool(networks.value(shader, "thin_walled", False)),
     )

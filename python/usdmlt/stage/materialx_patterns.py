@@ -1,7 +1,7 @@
-"""MaterialX pattern nodes that become textures, primvars and constants.
+"""MaterialX pattern nodes that become textures and primvars, and the roughness of GGX lobes.
 
-Only what maps onto an input of the scene description: images, geometric properties, constants and
-type conversions; MaterialX's own UsdUVTexture and friends are read in ``patterns``.
+Nodes that compute are in ``materialx_nodes``; MaterialX's own UsdUVTexture and friends are read in
+``patterns``.
 """
 
 from __future__ import annotations
@@ -13,6 +13,17 @@ from pxr import UsdShade
 
 from usdmlt.scene import Input, PrimvarInput, TextureInput
 from usdmlt.stage.color import DEFAULT
+from usdmlt.stage.expressions import (
+    clamp,
+    divide,
+    is_constant,
+    lane,
+    multiply,
+    operate,
+    plain,
+    power,
+    subtract,
+)
 from usdmlt.stage.networks import Kind, Networks, Source
 from usdmlt.stage.texture_coordinates import read_texture_coordinates
 
@@ -28,7 +39,8 @@ ADDRESS_MODES = {
 def read_image(networks: Networks, source: Source, kind: Kind) -> Input | None:
     """ND_image and ND_tiledimage. Colours without a colour space are linear Rec.709 (MaterialX:
     untagged values are in the working space)."""
-    shader = source.shader
+    shader, type = source.shader, source.node.rsplit("_", 1)[-1]
+    kind = "float" if type == "float" else "color" if type.startswith("color") else "data"
     file = networks.source(shader, "file")
     asset = file.attribute.Get(networks.time) if file and not file.shader else None
     default = networks.read(shader, "default", 0.0 if kind == "float" else (0.0,) * 3, kind)
@@ -44,21 +56,28 @@ def read_image(networks: Networks, source: Source, kind: Kind) -> Input | None:
     texture = networks.textures.add(file.attribute, asset, space, wrap, is_color=kind == "color")
     if texture is None:
         return default
-    primvar, transform = read_texture_coordinates(networks, shader, "texcoord", unconnected="st")
+    primvar, transform, coordinates = read_texture_coordinates(
+        networks, shader, "texcoord", unconnected="st"
+    )
     return TextureInput(
         texture=texture,
         primvar=primvar,
+        coordinates=coordinates,
         channel="r" if kind == "float" else "rgb",
         transform=(_tiling(networks, shader) @ np.vstack([transform, (0.0, 0.0, 1.0)]))[:2],
     )
 
 
 def _tiling(networks: Networks, shader: UsdShade.Shader) -> np.ndarray:
-    """(3, 3) of ND_tiledimage: texture coordinates are ``st * uvtiling - uvoffset``."""
+    """(3, 3) of ND_tiledimage: texture coordinates are ``st * uvtiling - uvoffset``, that times
+    realworldtilesize / realworldimagesize."""
     tiling = networks.numbers(shader, "uvtiling", (1.0, 1.0))
     offset = networks.numbers(shader, "uvoffset", (0.0, 0.0))
-    result = np.diag([*tiling, 1.0])
-    result[:2, 2] = (-offset[0], -offset[1])
+    image = networks.numbers(shader, "realworldimagesize", (1.0, 1.0))
+    tile = networks.numbers(shader, "realworldtilesize", (1.0, 1.0))
+    size = np.array([t / i if i else 1.0 for t, i in zip(tile, image, strict=True)])
+    result = np.diag([*(size * tiling), 1.0])
+    result[:2, 2] = -size * offset
     return result
 
 
@@ -69,41 +88,49 @@ def read_geomprop(networks: Networks, source: Source, kind: Kind) -> Input:
     return PrimvarInput(name, fallback) if name else fallback
 
 
-def read_constant(networks: Networks, source: Source, kind: Kind) -> Input | None:
-    """ND_constant: its value."""
-    return networks.read(source.shader, "value", None, kind)
+def ggx_alphas(roughness: Input, anisotropy: Input) -> Input | tuple[Input, Input]:
+    """GGX alphas of a perceptual roughness r and an anisotropy a; one where a is 0.
 
-
-def read_through(networks: Networks, source: Source, kind: Kind) -> Input | None:
-    """Nodes that pass ``in`` on: dot, and conversions between types."""
-    return networks.read(source.shader, "in", None, kind)
+    MaterialX's ND_roughness_anisotropy: with q = sqrt(1 - a), alpha is (min(r² / q, 1), r² q).
+    """
+    squared = clamp(power(roughness, 2.0), 1e-8, 1.0)
+    if is_constant(anisotropy) and plain(anisotropy) <= 0:
+        return squared
+    aspect = operate("sqrt", subtract(1.0, clamp(anisotropy, 0.0, 0.98)), width=1)
+    return operate("min", divide(squared, aspect), 1.0, width=1), multiply(squared, aspect)
 
 
 def read_roughness_anisotropy(networks: Networks, source: Source, kind: Kind) -> Input | None:
-    """ND_roughness_anisotropy: GGX alphas of a perceptual roughness r and anisotropy a.
+    """ND_roughness_anisotropy, as a vector of two."""
+    alphas = ggx_alphas(
+        networks.read(source.shader, "roughness", 0.0, "float"),
+        networks.read(source.shader, "anisotropy", 0.0, "float"),
+    )
+    return as_vector(*(alphas if isinstance(alphas, tuple) else (alphas, alphas)))
 
-    MaterialX PBR specification: with q = sqrt(1 - a), alpha is (min(r² / q, 1), r² q).
-    """
-    roughness = networks.read(source.shader, "roughness", 0.0, "float")
-    anisotropy = networks.read(source.shader, "anisotropy", 0.0, "float")
-    if not isinstance(roughness, float) or not isinstance(anisotropy, float):
-        networks.report.warn(
-            "textures in ND_roughness_anisotropy are ignored", source.shader.GetPath()
-        )
-        return None
-    squared = min(max(roughness**2, 1e-8), 1.0)
-    if anisotropy <= 0:
-        return (squared, squared)
-    aspect = float(np.sqrt(1 - min(anisotropy, 0.98)))
-    return (min(squared / aspect, 1.0), squared * aspect)
+
+def read_roughness_dual(networks: Networks, source: Source, kind: Kind) -> Input | None:
+    """ND_roughness_dual: squares of two roughnesses; a negative second is the first."""
+    both = networks.read(source.shader, "roughness", (0.0, -1.0), "value")
+    x, y = lane(both, 0), lane(both, 1)
+    if is_constant(both):
+        y = x if plain(y) < 0 else y
+    else:
+        y = operate("if_greater", 0.0, y, x, y, width=1)
+    return as_vector(*(clamp(power(v, 2.0), 1e-8, 1.0) for v in (x, y)))
+
+
+def as_vector(x: Input, y: Input) -> Input:
+    """Two numbers as one input."""
+    if is_constant(x) and is_constant(y):
+        return (plain(x), plain(y))
+    return operate("combine2", x, y, width=2)
 
 
 MATERIALX_NODES: dict[str, Callable[[Networks, Source, Kind], Input | None]] = {
     **{f"ND_image_{type}": read_image for type in TYPES},
     **{f"ND_tiledimage_{type}": read_image for type in TYPES},
-    **{f"ND_constant_{type}": read_constant for type in TYPES},
-    **{f"ND_geompropvalue_{type}": read_geomprop for type in TYPES},
-    **{f"ND_dot_{type}": read_through for type in TYPES},
-    **{f"ND_convert_{a}_{b}": read_through for a in TYPES for b in TYPES if a != b},
+    **{f"ND_geompropvalue_{type}": read_geomprop for type in (*TYPES, "integer", "boolean")},
     "ND_roughness_anisotropy": read_roughness_anisotropy,
+    "ND_roughness_dual": read_roughness_dual,
 }

@@ -14,13 +14,14 @@ import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
 from usdmlt.errors import Error, Report
-from usdmlt.scene import Input, PrimvarInput, TextureInput
+from usdmlt.scene import INPUT_NODES, Input, Node
 from usdmlt.stage.color import ColorSpaces
 
 if TYPE_CHECKING:
     from usdmlt.stage.textures import Textures
 
-Kind = Literal["color", "float", "float2", "data"]  # data: three numbers that are no colour
+# data: three numbers that are no colour; value: as many as there are, a colour where typed as one
+Kind = Literal["color", "float", "float2", "data", "value"]
 
 
 class Unusable(Exception):
@@ -56,6 +57,7 @@ class Networks:
     report: Report
     refuse_unknown: bool = False  # nodes that are not known make the whole material unusable
     _active: list[Sdf.Path] = field(default_factory=list)
+    _read: dict[tuple[Sdf.Path, str, Kind], Input | None] = field(default_factory=dict)
 
     def source(self, shader: UsdShade.Shader, name: str) -> Source | None:
         """What feeds an input; None if it has no value. Unconnected ends fall back to its own.
@@ -98,12 +100,16 @@ class Networks:
 
     def read_node(self, source: Source, default: Any, kind: Kind) -> Input:
         """The input that a node's output stands for."""
-        from usdmlt.stage.patterns import NODES
+        from usdmlt.stage.patterns import node_reader
 
         path = source.shader.GetPath()
         if path in self._active:
             raise Unusable("shading networks go round in a circle", path)
-        reader = NODES.get(source.node)
+        known = (path, source.output, kind)
+        if known in self._read:  # nodes that feed several inputs are one
+            value = self._read[known]
+            return default if value is None else value
+        reader = node_reader(source.node)
         if reader is None:
             reason = f"shader nodes of type {source.node or '(no identifier)'} are not rendered"
             if self.refuse_unknown:
@@ -115,6 +121,8 @@ class Networks:
             value = reader(self, source, kind)
         finally:
             self._active.pop()
+        if isinstance(value, Node):
+            self._read[known] = value
         return default if value is None else value
 
     def constant(self, attribute: Usd.Attribute, default: Any, kind: Kind) -> Any:
@@ -129,6 +137,8 @@ class Networks:
             return default
         if not np.isfinite(numbers).all():
             raise Error(f"{attribute.GetPath()}: not a finite value")
+        if kind == "value":
+            return self._authored(numbers.ravel()[:4], attribute)
         if kind == "float":
             return float(numbers[0])
         if kind == "float2":
@@ -138,6 +148,15 @@ class Networks:
         if kind == "color":
             return self.colors.color(numbers, attribute)
         return (float(numbers[0]), float(numbers[1]), float(numbers[2]))
+
+    def _authored(self, numbers: np.ndarray, attribute: Usd.Attribute) -> Any:
+        """All numbers of a value; those of a colour type in the rendering space."""
+        if len(numbers) == 1:
+            return float(numbers[0])
+        found = tuple(map(float, numbers))
+        if attribute.GetTypeName().role == "Color":
+            return (*self.colors.color(found[:3], attribute), *found[3:])
+        return found
 
     def numbers(
         self, shader: UsdShade.Shader, name: str, default: tuple[float, ...]
@@ -206,6 +225,6 @@ def follow_no_circle(attribute: Usd.Attribute) -> None:
 
 def is_zero(value: Input) -> bool:
     """Whether an input is the constant 0, or black."""
-    if isinstance(value, (TextureInput, PrimvarInput)):
+    if isinstance(value, INPUT_NODES):
         return False
     return not np.any(np.asarray(value))

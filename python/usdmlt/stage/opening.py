@@ -137,7 +137,8 @@ def usd_diagnostics(report: Report) -> Iterator[None]:
             text = re.sub(r"\.? \((instantiating|recomposing|getting).*$", "", text)
             if "obsolete version" in text:
                 text += f" ({OBSOLETE})"
-            report.warn("USD could not compose all of the stage", text)
+            if ".mtlx@ for " not in text:  # composed otherwise, or warned of there
+                report.warn("USD could not compose all of the stage", text)
         else:
             log.debug("USD: %s", text)
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pxr import UsdShade
 
 from usdmlt.scene import Input, PrimvarInput, TextureInput
+from usdmlt.stage.materialx_nodes import reader as computing_node
 from usdmlt.stage.materialx_patterns import MATERIALX_NODES
 from usdmlt.stage.networks import Kind, Networks, Source
 from usdmlt.stage.texture_coordinates import read_texture_coordinates
@@ -36,14 +37,15 @@ def read_uv_texture(networks: Networks, source: Source, kind: Kind) -> Input:
             asset,
             _declared_space(networks, shader, file),
             tuple(str(networks.value(shader, f"wrap{axis}", unwrapped)) for axis in "ST"),
-            is_color=kind == "color",
+            is_color=kind == "color" or (kind == "value" and channel == "rgb"),
         )
     if texture is None:
         return _fallback(fallback, channel, kind)
-    primvar, transform = read_texture_coordinates(networks, shader, "st")
+    primvar, transform, coordinates = read_texture_coordinates(networks, shader, "st")
     return TextureInput(
         texture=texture,
         primvar=primvar,
+        coordinates=coordinates,
         channel=channel,
         scale=networks.numbers(shader, "scale", (1.0,) * 4),
         bias=networks.numbers(shader, "bias", (0.0,) * 4),
@@ -83,6 +85,11 @@ def read_primvar_node(networks: Networks, source: Source, kind: Kind) -> Input |
     if not name:
         return fallback
     return PrimvarInput(name, fallback)
+
+
+def node_reader(node: str) -> Callable[[Networks, Source, Kind], Input | None] | None:
+    """What reads a node of this identifier; None if nothing does."""
+    return NODES.get(node) or computing_node(node)
 
 
 NODES: dict[str, Callable[[Networks, Source, Kind], Input | None]] = {

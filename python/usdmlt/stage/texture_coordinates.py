@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 from pxr import UsdShade
 
+from usdmlt.scene import Input
+from usdmlt.stage.materialx_nodes import reader as computing_node
 from usdmlt.stage.networks import Networks, Unusable
 
 
 def read_texture_coordinates(
     networks: Networks, shader: UsdShade.Shader, name: str, unconnected: str = ""
-) -> tuple[str, np.ndarray]:
-    """The primvar that an input such as ``st`` reads, and the (2, 3) transform applied to it.
+) -> tuple[str, np.ndarray, Input | None]:
+    """The primvar that an input such as ``st`` reads, and the (2, 3) transform applied to it; or,
+    last, the input that other nodes make in the primvar's place.
 
     ``unconnected``: the primvar of an input without connection; "" for one fixed point of the
     texture, (0, 0) unless authored, as UsdUVTexture has it.
@@ -25,14 +28,14 @@ def read_texture_coordinates(
         source = networks.source(shader, name)
         if source is None or source.shader is None:
             if source is None and unconnected:
-                return unconnected, transform[:2].copy()
+                return unconnected, transform[:2].copy(), None
             point = (0.0, 0.0)
             if source is not None:
                 point = networks.constant(source.attribute, point, "float2")
             fixed = np.array([[0.0, 0.0, point[0]], [0.0, 0.0, point[1]], [0.0, 0.0, 1.0]])
-            return "", (transform @ fixed)[:2]
+            return "", (transform @ fixed)[:2], None
 
-        node, shader = source.node.removeprefix("ND_"), source.shader
+        node, consumer, shader = source.node.removeprefix("ND_"), shader, source.shader
         if node == "UsdTransform2d":
             transform = transform @ transform_2d(networks, shader)
             name = "in"
@@ -43,12 +46,15 @@ def read_texture_coordinates(
             primvar = networks.value(shader, "geomprop", "") or "st"
         else:
             primvar = "st"
+            if computing_node(source.node) and not node.startswith("texcoord_"):
+                made = networks.read(consumer, name, (0.0, 0.0), "value")
+                return "", transform[:2].copy(), made
             if not node.startswith("texcoord_"):
                 networks.report.warn(
                     f"texture coordinates from {node or 'unknown nodes'} are read from st",
                     shader.GetPath(),
                 )
-        return str(primvar), transform[:2].copy()
+        return str(primvar), transform[:2].copy(), None
 
 
 def transform_2d(networks: Networks, shader: UsdShade.Shader) -> np.ndarray:

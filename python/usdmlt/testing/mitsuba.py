@@ -109,9 +109,9 @@ def _number(value: object) -> float:
     return float(value)
 
 
-def _texture(scene: s.Scene, index: int | None) -> s.Texture:
-    if index is None:
-        raise Untranslated("a missing texture")
+def _texture(scene: s.Scene, index: int | dict[int, int] | None) -> s.Texture:
+    if not isinstance(index, int):
+        raise Untranslated("a missing texture, or a UDIM set")
     return scene.textures[index]
 
 
@@ -158,6 +158,8 @@ def _bsdf(mi: Any, scene: s.Scene, material: s.Material) -> dict[str, Any]:
         case _:
             raise Untranslated(type(closure).__name__)
     if material.normal is not None:
+        if not isinstance(material.normal, s.TextureInput):
+            raise Untranslated("a computed normal")
         pixels = _texture(scene, material.normal.texture).linear()
         bsdf = {
             "type": "normalmap",
