@@ -331,3 +331,38 @@ def test_wrong_extents_are_not_framed(read):
 def test_an_empty_stage_has_a_camera_too(read):
     scene = read("")
     assert np.isfinite(scene.camera.transform).all()
+
+
+def test_clipping_planes_are_read(read, examine):
+    body = camera(extra="float4[] clippingPlanes = [(1, 0, 0, 0.5), (0, -1, 0, 2)]")
+    assert read(body).camera.clipping_planes.tolist() == [[1, 0, 0, 0.5], [0, -1, 0, 2]]
+    assert not any("lipping" in w.kind for w in examine(body).warnings)
+    with pytest.raises(Error, match="/c: clippingPlanes are not finite"):
+        read(camera(extra="float4[] clippingPlanes = [(1, 0, 0, inf)]"))
+
+
+def test_an_orthographic_camera_has_no_depth_of_field(read):
+    extra = """token projection = "orthographic"
+        float fStop = 2
+        float focusDistance = 7"""
+    assert read(camera(extra=extra)).camera.lens_radius == 0
+
+
+def test_either_camera_of_a_stereo_pair_is_rendered_by_name(read):
+    """Each has an offset of its own; being stereo changes nothing else."""
+    pair = "".join(
+        f"""def Camera "{name}" {{
+            uniform token stereoRole = "{name}"
+            float horizontalAperture = 20
+            float verticalAperture = 10
+            float horizontalApertureOffset = {offset}
+            float focalLength = 10
+            double3 xformOp:translate = ({x}, 0, 0)
+            uniform token[] xformOpOrder = ["xformOp:translate"]
+        }}\n"""
+        for name, x, offset in (("left", -0.03, 1), ("right", 0.03, -1))
+    )
+    left, right = (read(pair, camera=name).camera for name in ("left", "right"))
+    assert left.window[:2] == pytest.approx((-0.9, 1.1))
+    assert right.window[:2] == pytest.approx((-1.1, 0.9))
+    assert right.transform[3, 0] - left.transform[3, 0] == pytest.approx(0.06)

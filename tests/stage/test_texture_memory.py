@@ -62,6 +62,17 @@ def test_a_gradient_stays_where_it_was():
     np.testing.assert_array_equal(halved(columns)[0, :, 0], [0.5, 2.5, 4.5, 6.5])
 
 
+def test_encoded_colours_are_averaged_as_light(tmp_path):
+    """Black and white in sRGB: half the light is 188 of 255, not 128. Alpha is linear."""
+    from usdmlt.stage.textures import curve
+
+    decode = curve("srgb_rec709_scene", np.dtype(np.uint8))
+    pixels = np.array([[[0, 0, 0, 0], [255, 255, 255, 255]]], np.uint8)
+    assert halved(pixels, decode).tolist() == [[[188, 188, 188, 128]]]
+    every = np.arange(256, dtype=np.uint8)[:, None, None].repeat(2, axis=1).repeat(3, axis=2)
+    np.testing.assert_array_equal(halved(every[:1], decode), every[:1, :1])
+
+
 def test_the_limit_is_an_option_of_reading(read, tmp_path):
     import OpenImageIO as oiio
 

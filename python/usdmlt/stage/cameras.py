@@ -126,9 +126,19 @@ def read_camera(
         lens_radius=radius,
         focus_distance=focus_distance if focus_distance > 0 else 1.0,
         clipping=(float(near), float(far)),
+        clipping_planes=_clipping_planes(camera, time),
         exposure=exposure_scale(camera, time),
         name=str(path),
     )
+
+
+def _clipping_planes(camera: UsdGeom.Camera, time: Usd.TimeCode) -> np.ndarray:
+    """(n, 4): a, b, c, d of each; what has a x + b y + c z + d < 0 in the camera's space is cut
+    off."""
+    planes = np.array(camera.GetClippingPlanesAttr().Get(time) or (), dtype=np.float64)
+    if not np.isfinite(planes).all():
+        raise Error(f"{camera.GetPath()}: clippingPlanes are not finite")
+    return planes.reshape(-1, 4)
 
 
 def rigid(transform: Gf.Matrix4d) -> np.ndarray:
@@ -162,8 +172,6 @@ def exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode) -> float:
 def _warn_of_unsupported(
     camera: UsdGeom.Camera, time: Usd.TimeCode, settings: RenderSettings, report: Report
 ) -> None:
-    if camera.GetClippingPlanesAttr().Get(time):
-        report.warn("clipping planes of cameras are ignored", camera.GetPath())
     shutter = camera.GetShutterOpenAttr().Get(time), camera.GetShutterCloseAttr().Get(time)
     shut = shutter[0] == shutter[1] or not settings.motion_blur
     if not shut and anything_moves(camera.GetPrim().GetStage()):

@@ -25,7 +25,7 @@ def limit_textures(textures: list[Texture], limit: float | None, report: Report)
         pixels = sharing[0].pixels
         if pixels.shape[0] * pixels.shape[1] == 1:
             return
-        smaller = halved(pixels)
+        smaller = halved(pixels, sharing[0].decode)
         for texture in sharing:
             texture.pixels = smaller
             report.note("textures are smaller than authored, to fit the memory limit", texture.name)
@@ -36,13 +36,18 @@ def _distinct(textures: list[Texture]) -> dict[int, int]:
     return {id(texture.pixels): texture.pixels.nbytes for texture in textures}
 
 
-def halved(pixels: np.ndarray) -> np.ndarray:
+def halved(pixels: np.ndarray, decode: np.ndarray | None = None) -> np.ndarray:
     """Half as many rows and columns (at least one): means of 2 x 2 texels, of the same type.
 
+    ``decode``: as of a :class:`usdmlt.scene.Texture`; the means are those of the linear colours.
     An odd row or column at the end goes to its neighbours.
     """
+    colors = 1 if pixels.shape[2] < 3 else 3
+    linear = pixels.astype(np.float32)
+    if decode is not None:
+        linear[..., :colors] = decode[pixels[..., :colors]]
     for axis in (0, 1):
-        count = pixels.shape[axis]
+        count = linear.shape[axis]
         if count == 1:
             continue
         # Edges of the new texels between the old ones; a sum over each by reduceat.
@@ -50,9 +55,12 @@ def halved(pixels: np.ndarray) -> np.ndarray:
         sizes = np.diff(np.append(edges, count))
         shape = [1, 1, 1]
         shape[axis] = -1
-        sums = np.add.reduceat(pixels.astype(np.float32), edges, axis=axis)
-        mean = sums / sizes.reshape(shape).astype(np.float32)
-        if pixels.dtype.kind == "u":
-            mean = np.rint(mean)
-        pixels = mean.astype(pixels.dtype)
-    return np.ascontiguousarray(pixels)
+        linear = np.add.reduceat(linear, edges, axis=axis)
+        linear /= sizes.reshape(shape).astype(np.float32)
+    if pixels.dtype.kind != "u":
+        return np.ascontiguousarray(linear, dtype=pixels.dtype)
+    stored = np.rint(linear)
+    if decode is not None:  # the nearest of the table, which ascends
+        between = (decode[1:] + decode[:-1]) / 2
+        stored[..., :colors] = np.searchsorted(between, linear[..., :colors])
+    return stored.astype(pixels.dtype)
