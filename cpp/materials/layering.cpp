@@ -1,5 +1,7 @@
 #include "materials/layering.hpp"
 
+#include <algorithm>
+
 #include "materials/directional_albedo.hpp"
 
 namespace usdmlt {
@@ -34,7 +36,8 @@ void average_single_cover(Closure& closure) {
     cover.average[0] = cover.average[1] = max(through, Spectrum());
 }
 
-// ∫ T |cosθ| dω / π = ∫₀¹ T 2c dc by Gauss–Legendre quadrature in c; two azimuths for anisotropic
+// ∫ T |cosθ| dω / π = ∫₀¹ T 2c dc by Gauss–Legendre quadrature in c, between the angles at which
+// total reflection sets in (across them it would be off by a tenth); two azimuths for anisotropic
 // layers, which are symmetric in each quadrant.
 constexpr int nodes = 8;
 constexpr float node_cosines[nodes] = {0.0198550718f, 0.1016667613f, 0.2372337950f, 0.4082826788f,
@@ -42,21 +45,42 @@ constexpr float node_cosines[nodes] = {0.0198550718f, 0.1016667613f, 0.237233795
 constexpr float node_weights[nodes] = {0.0506142681f, 0.1111905172f, 0.1568533229f, 0.1813418917f,
                                        0.1813418917f, 0.1568533229f, 0.1111905172f, 0.0506142681f};
 
+// The cosines in (0, 1) beyond which lobes reflect totally on one side, ascending, between 0 and 1:
+// T has kinks there. Returns how many.
+int kinks(const Closure& closure, bool above, float out[max_lobes + 2]) {
+    int count = 0;
+    out[count++] = 0;
+    for (int i = 0; i < closure.lobe_count; ++i) {
+        const Lobe& lobe = closure.lobes[i];
+        const float m = above ? lobe.eta : 1 / lobe.eta;
+        if (lobe.is_interface && m < 1) out[count++] = std::sqrt(1 - sqr(m));
+    }
+    out[count++] = 1;
+    std::sort(out, out + count);
+    return static_cast<int>(std::unique(out, out + count) - out);
+}
+
 void average_by_quadrature(Closure& closure, bool sided, bool anisotropic) {
     const int azimuths = anisotropic ? 2 : 1;
     for (int side = 0; side < 2; ++side)
         for (int c = 0; c < closure.cover_count; ++c) closure.covers[c].average[side] = Spectrum();
-    for (int side = 0; side < (sided ? 2 : 1); ++side)
-        for (int k = 0; k < nodes; ++k)
-            for (int a = 0; a < azimuths; ++a) {
-                const float cosine = node_cosines[k], sine = safe_sqrt(1 - sqr(cosine));
-                const float phi = pi / 8 * float(1 + 2 * a);
-                const Passage p(closure, {sine * std::cos(phi), sine * std::sin(phi),
-                                          side == 0 ? cosine : -cosine});
-                const float weight = node_weights[k] * 2 * cosine / float(azimuths);
-                for (int c = 0; c < closure.cover_count; ++c)
-                    closure.covers[c].average[side] += p.through[c] * weight;
-            }
+    for (int side = 0; side < (sided ? 2 : 1); ++side) {
+        float ends[max_lobes + 2];
+        const int count = kinks(closure, side == 0, ends);
+        for (int part = 0; part + 1 < count; ++part)
+            for (int k = 0; k < nodes; ++k)
+                for (int a = 0; a < azimuths; ++a) {
+                    const float width = ends[part + 1] - ends[part];
+                    const float cosine = ends[part] + width * node_cosines[k];
+                    const float sine = safe_sqrt(1 - sqr(cosine));
+                    const float phi = pi / 8 * float(1 + 2 * a);
+                    const Passage p(closure, {sine * std::cos(phi), sine * std::sin(phi),
+                                              side == 0 ? cosine : -cosine});
+                    const float weight = width * node_weights[k] * 2 * cosine / float(azimuths);
+                    for (int c = 0; c < closure.cover_count; ++c)
+                        closure.covers[c].average[side] += p.through[c] * weight;
+                }
+    }
     if (sided) return;
     for (int c = 0; c < closure.cover_count; ++c)
         closure.covers[c].average[1] = closure.covers[c].average[0];

@@ -71,6 +71,14 @@ LOSSY = {
         Dielectric(roughness=0.3), Layer(Sheen(roughness=0.5), Diffuse(WHITE, 1.0, 0.5, True))
     ),
     "metal with an edge": GeneralizedSchlick(WHITE, color82=(1.0, 0.5, 0.0), roughness=0.3),
+    "clear coat over a mix of other indices": Layer(
+        Dielectric(ior=1.6, roughness=0.0),
+        Mix(
+            Dielectric(ior=1.28, roughness=0.0, scatter_mode="RT"),
+            Layer(Dielectric(ior=1.28, roughness=0.0), Diffuse(WHITE)),
+            0.3,
+        ),
+    ),
     "preview surface": PreviewSurface(WHITE, clearcoat=1.0, clearcoatRoughness=0.3),
     "metallic preview surface": PreviewSurface(WHITE, metallic=1.0, roughness=0.3),
     "half clear preview surface": PreviewSurface(WHITE, roughness=0.3, opacity=0.5),

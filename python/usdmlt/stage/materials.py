@@ -9,9 +9,13 @@ from pxr import Sdf, Usd, UsdShade
 
 from usdmlt.errors import Report
 from usdmlt.scene import (
+    Add,
     Closure,
     Diffuse,
+    Layer,
     Material,
+    Mix,
+    Multiply,
     Node,
     PreviewSurface,
     PrimvarInput,
@@ -42,6 +46,7 @@ SURFACES: dict[str, Callable[[Networks, UsdShade.Shader], Material]] = {
 }
 CONTEXTS = ("mtlx", "")
 GREY = (0.18, 0.18, 0.18)
+MAX_LOBES = 8  # of the core
 
 
 class Materials:
@@ -101,6 +106,10 @@ class Materials:
             try:
                 shader = self._surface(output)
                 read = SURFACES[node_id(shader)](self.networks, shader)
+                if lobe_count(read.closure) > MAX_LOBES:
+                    raise Unusable(
+                        f"surfaces of more than {MAX_LOBES} lobes are not rendered", path
+                    )
             except Unusable as reason:
                 unusable.append(reason)
                 continue
@@ -165,6 +174,21 @@ def _primvar_names(node: object, seen: set[int] | None = None) -> Iterator[str]:
     elif is_dataclass(node):
         for field in fields(node):
             yield from _primvar_names(getattr(node, field.name), seen)
+
+
+def lobe_count(closure: object) -> int:
+    """The most lobes that a closure can have."""
+    if isinstance(closure, PreviewSurface):
+        return 2 + (not is_zero(closure.clearcoat)) + (closure.opacity != 1.0)
+    if not is_dataclass(closure) or isinstance(closure, UniformEmission):
+        return 0
+    if not isinstance(closure, (Layer, Mix, Add, Multiply)):
+        return 1
+    return sum(
+        lobe_count(getattr(closure, f.name))
+        for f in fields(closure)
+        if f.name not in ("mix", "factor")
+    )
 
 
 def emits(material: Material) -> bool:

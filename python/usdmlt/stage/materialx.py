@@ -30,9 +30,9 @@ from usdmlt.scene import (
     Translucent,
     UniformEmission,
 )
-from usdmlt.stage.expressions import lane
+from usdmlt.stage.expressions import is_constant, lane
 from usdmlt.stage.materialx_normals import read_normal
-from usdmlt.stage.networks import Kind, Networks, Unusable
+from usdmlt.stage.networks import Kind, Networks, Unusable, is_zero
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
@@ -63,9 +63,11 @@ class Graph:
             )
         self.active.append(path)
         try:
-            return reader(self, source.shader)
+            closure = reader(self, source.shader)
         finally:
             self.active.pop()
+        # A lobe whose weight is the constant 0 is not there.
+        return None if is_zero(getattr(closure, "weight", 1.0)) else closure
 
     def scatter(self, shader: UsdShade.Shader, name: str) -> Closure:
         """As :meth:`closure`; an unconnected closure is black, as MaterialX has it."""
@@ -203,11 +205,22 @@ def _layer(graph: Graph, shader: UsdShade.Shader) -> Closure:
 
 
 def _mix(graph: Graph, shader: UsdShade.Shader) -> Closure:
-    return Mix(
-        foreground=graph.scatter(shader, "fg"),
-        background=graph.scatter(shader, "bg"),
-        mix=graph.input(shader, "mix", 0.0, "float"),
-    )
+    share = graph.input(shader, "mix", 0.0, "float")
+    if is_constant(share) and share in (0.0, 1.0):
+        return graph.scatter(shader, "fg" if share else "bg")
+    return Mix(graph.scatter(shader, "fg"), graph.scatter(shader, "bg"), share)
+
+
+def _layer_volume(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    """A BSDF over a volume, which is left out."""
+    graph.networks.report.note("volumes inside of materials are not rendered", shader.GetPath())
+    return graph.scatter(shader, "top")
+
+
+def _schlick_edf(graph: Graph, shader: UsdShade.Shader) -> Closure:
+    """Emission that falls off towards grazing angles, taken as it is at normal incidence: here all
+    directions emit the same."""
+    return Multiply(graph.scatter(shader, "base"), graph.input(shader, "color0", WHITE, "color"))
 
 
 def _add(graph: Graph, shader: UsdShade.Shader) -> Closure:
@@ -232,7 +245,9 @@ CLOSURES: dict[str, Callable[[Graph, UsdShade.Shader], Closure]] = {
     "ND_conductor_bsdf": _conductor,
     "ND_generalized_schlick_bsdf": _generalized_schlick,
     "ND_uniform_edf": _uniform_edf,
+    "ND_generalized_schlick_edf": _schlick_edf,
     "ND_layer_bsdf": _layer,
+    "ND_layer_vdf": _layer_volume,
     "ND_mix_bsdf": _mix,
     "ND_mix_edf": _mix,
     "ND_add_bsdf": _add,
