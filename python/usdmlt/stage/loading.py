@@ -22,6 +22,7 @@ from usdmlt.stage.instancing import Instancing, flatten
 from usdmlt.stage.lights import LightReader, default_dome
 from usdmlt.stage.materials import Materials, emits
 from usdmlt.stage.mesh_lights import MeshLights
+from usdmlt.stage.mtlx_files import with_mtlx_files
 from usdmlt.stage.networks import Networks
 from usdmlt.stage.opening import open_stage, time_code, usd_diagnostics
 from usdmlt.stage.render_settings import Product, RenderSettings, read_render_settings
@@ -87,7 +88,7 @@ def read_stage(
 ) -> Reading:
     """As :func:`load`, with the warnings left in ``report``."""
     with usd_diagnostics(report):
-        opened = open_stage(stage, options)
+        opened = with_mtlx_files(open_stage(stage, options), report)
         time = time_code(opened, options.frame)
         settings = read_render_settings(opened, time, report, options)
         colors = _color_spaces(options, settings, report)
