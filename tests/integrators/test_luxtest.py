@@ -1,8 +1,8 @@
 """The frames of the UsdLux conformance scenes against their irradiance integral.
 
-Set USDMLT_ASSETS to a folder that holds them (luxtest/usd/rect.usda, disk.usda, sphere.usda) to run
-these. Their material is put aside for white Lambert (as UsdPreviewSurface it has a Fresnel layer,
-and this is about light), so a pixel of direct light on the floor is E/π with
+Set USDMLT_ASSETS to a folder that holds them (luxtest/usd/rect.usda, disk.usda, sphere.usda,
+dome.usda) to run these. Their material is put aside for white Lambert (as UsdPreviewSurface it has
+a Fresnel layer, and this is about light), so a pixel of direct light on the floor is E/π with
 
     E = ∫ L(ω) S(ω) V cosθ cosθ' / r² dA,
 
@@ -23,6 +23,7 @@ import pytest
 from scipy.stats import t as student
 
 from support.rendering import pictures
+from support.shapes import floor, orthographic
 from support.statistics import sidak
 from usdmlt import scene as s
 from usdmlt.stage import load
@@ -98,7 +99,7 @@ def expected_picture(scene: s.Scene) -> tuple[np.ndarray, np.ndarray]:
     # The camera looks down −y with −z up in the picture.
     px = (left + (right - left) * column) * y
     pz = -(top - (top - bottom) * row) * y
-    floor = np.stack([px, 0 * px, pz], -1).reshape(-1, 1, 3)
+    ground = np.stack([px, 0 * px, pz], -1).reshape(-1, 1, 3)
 
     small = next(mesh for mesh in scene.meshes if "angled" in mesh.name)
     points = small.points @ small.transform[:3, :3] + small.transform[3, :3]
@@ -108,11 +109,11 @@ def expected_picture(scene: s.Scene) -> tuple[np.ndarray, np.ndarray]:
 
     light = scene.lights[0]
     p, n, area = light_points(light)
-    d = floor - p
+    d = ground - p
     r2 = (d * d).sum(-1)
     w = d / np.sqrt(r2)[..., None]
     cosines = np.maximum((w * n).sum(-1), 0) * np.maximum(-w[..., 1], 0)
-    visible = ~blocked(np.broadcast_to(p, d.shape), np.broadcast_to(floor, d.shape),
+    visible = ~blocked(np.broadcast_to(p, d.shape), np.broadcast_to(ground, d.shape),
                        np.array([corner, eu, ev]))  # fmt: skip
     weight = cosines / r2 * area * visible
     e = (shaped(light, w) * weight[..., None]).sum(1) / math.pi
@@ -123,7 +124,11 @@ def expected_picture(scene: s.Scene) -> tuple[np.ndarray, np.ndarray]:
     return picture, seen.reshape(WIDTH, SUB, WIDTH, SUB).all((1, 3)) & smooth
 
 
-@pytest.mark.parametrize("frame", [1, 8, 12, 17, 33, 43])
+QUICK = (1, 8, 12, 17, 33, 43)
+FRAMES = [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in range(1, 56)]
+
+
+@pytest.mark.parametrize("frame", FRAMES)
 @pytest.mark.parametrize("name", ["rect", "disk", "sphere"])
 def test_the_floor_is_lit_as_the_integral_says(name: str, frame: int) -> None:
     """Every pixel of the open floor, at a family-wise significance of 1e-4 per frame."""
@@ -142,3 +147,72 @@ def test_the_floor_is_lit_as_the_integral_says(name: str, frame: int) -> None:
     p = 2 * student.sf(np.abs(mean - expected[lit]) / error, SEEDS - 1)
     assert sidak(p) > 1e-4, (name, frame, float((mean / expected[lit]).mean()))
     assert mean.sum() == pytest.approx(expected[lit].sum(), rel=5e-3)
+
+
+# ---------------------------------------------------------------------------------------------
+# dome: a picture of labelled squares all around, and nothing but the camera
+
+
+def lookup(pixels: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """The texel of directions (…, 3), nearest: t = acos(y)/π, s = 1/2 − atan2(x, z)/2π."""
+    height, width = pixels.shape[:2]
+    t = np.arccos(np.clip(d[..., 1], -1, 1)) / math.pi
+    turn = 0.5 - np.arctan2(d[..., 0], d[..., 2]) / (2 * math.pi)
+    row = np.minimum((t * height).astype(int), height - 1)
+    return pixels[row, (turn * width).astype(int) % width].astype(np.float64)
+
+
+def test_the_dome_is_seen_as_its_image_says() -> None:
+    """Every pixel is the mean of the texels that it covers."""
+    scene = load(FOLDER / "dome.usda", frame=1, width=WIDTH)
+    (light,) = scene.lights
+    image = scene.textures[light.texture].linear()[..., :3]
+    left, right, bottom, top = scene.camera.window
+    n = 16
+    sub = (np.arange(WIDTH * n) + 0.5) / (WIDTH * n)
+    column, row = np.meshgrid(sub, sub)
+    local = np.stack([left + (right - left) * column, top - (top - bottom) * row, 0 * row - 1], -1)
+    d = local @ scene.camera.transform[:3, :3]
+    seen = lookup(image, d / np.linalg.norm(d, axis=-1, keepdims=True)) * light.radiance
+    expected = seen.reshape(WIDTH, n, WIDTH, n, 3).mean((1, 3))
+    spread = seen.reshape(WIDTH, n, WIDTH, n, 3).std((1, 3)).max()
+    got = pictures(scene, "path", 4, samples=256, depth=1)
+    assert np.ptp(expected) > 0.3
+    # 1024 samples of a pixel: five standard errors of the widest spread, and 256 points.
+    assert np.abs(got.mean(0) - expected).max() < 5 * spread * (1 / 32 + 1 / 16)
+    assert got.mean() == pytest.approx(expected.mean(), rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        ((0, -1, 0), (1, 0, 0), (0, 0, 1)),
+        ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
+        ((-1, 0, 0), (0, -1, 0), (0, 0, 1)),
+    ],
+    ids=["as it is", "up to the left", "up ahead", "upside down"],
+)
+def test_a_floor_under_the_dome_has_the_irradiance_of_its_image(rows) -> None:
+    """E = ∫ L cosθ dω over the texels of the half of the image above; the dome turned."""
+    scene = load(FOLDER / "dome.usda", frame=1, width=8)
+    (light,) = scene.lights
+    image = scene.textures[light.texture].linear()[..., :3].astype(np.float64)
+    light.transform[:3, :3] = rows
+    height, width = image.shape[:2]
+    theta = (np.arange(height) + 0.5)[:, None] / height * math.pi
+    turn = (0.5 - (np.arange(width) + 0.5)[None] / width) * 2 * math.pi
+    d = [np.sin(theta) * np.sin(turn), np.cos(theta) + 0 * turn, np.sin(theta) * np.cos(turn)]
+    up = (np.stack(d, -1) @ np.array(rows, float))[..., 1]
+    solid_angle = 2 * math.pi**2 * np.sin(theta) / (width * height)
+    weight = np.maximum(up, 0) * solid_angle
+    expected = (image * weight[..., None]).sum((0, 1)) * light.radiance / math.pi
+
+    scene.meshes = [floor()]
+    scene.camera = orthographic((0, 1, 0), (0, 0, 0), 2.0, 1.0, up=(0, 0, -1))
+    scene.materials = [s.Material(s.Diffuse((1.0, 1.0, 1.0)))]
+    for integrator in ("path", "bdpt"):
+        got = pictures(scene, integrator, 8, samples=256, depth=2).mean((1, 2))
+        mean, error = got.mean(0), got.std(0, ddof=1) / math.sqrt(8)
+        assert (error < 0.01 * mean).all()
+        assert (np.abs(mean - expected) < 6 * error + 2e-3 * expected).all(), integrator

@@ -79,6 +79,36 @@ def test_a_pass_without_settings_is_an_error(read):
         read(CAMERAS + 'def RenderPass "p" {}', render_pass="/p")
 
 
+def test_collections_of_a_pass_are_one_warning(examine):
+    text = (
+        CAMERAS
+        + """
+def RenderSettings "s" {}
+def RenderPass "p" {
+    rel renderSource = </s>
+    rel collection:prune:includes = </box>
+    bool collection:matte:includeRoot = 1
+}
+"""
+    )
+    warnings = {w.kind: w.paths for w in examine(text, render_pass="/p").warnings}
+    assert warnings["collections of render passes are ignored"] == ["/p (matte)", "/p (prune)"]
+
+
+@pytest.mark.parametrize(
+    ("purposes", "warned"),
+    [
+        ('["full", ""]', False),
+        ('["full", "allPurpose"]', False),
+        ('["preview"]', False),
+        ('["preview", "full"]', True),
+    ],
+)
+def test_of_several_material_purposes_the_first_counts(examine, purposes, warned):
+    found = kinds(examine(body(f"uniform token[] materialBindingPurposes = {purposes}")))
+    assert any("material purposes" in kind for kind in found) == warned
+
+
 def test_a_product_has_stronger_opinions_than_its_settings(read):
     scene = read(body())
     assert (scene.camera.name, scene.width, scene.height) == ("/wide", 40, 20)

@@ -19,6 +19,7 @@ CONFORM_POLICIES = (
     "adjustApertureHeight",
     "adjustPixelAspectRatio",
 )
+PASS_COLLECTIONS = ("renderVisibility", "cameraVisibility", "matte", "prune")
 # What render vars may be that every picture has: its colour and its coverage.
 COLORS = {"color", "Ci", "beauty", "rgb", "rgba", "RGB", "RGBA", "C", "C.*", "C.*[LO]"}
 ALPHAS = {"a", "alpha", "A"}
@@ -54,7 +55,7 @@ class RenderSettings:
     color_space: str | None = None
     products: list[Product] = field(default_factory=list)
     product: str | None = None  # the one whose opinions count
-    render_pass: Usd.Prim | None = None
+    render_pass: str | None = None
     usdmlt: dict[str, Any] = field(default_factory=dict)  # fields of usdmlt.Settings
 
 
@@ -64,9 +65,9 @@ def read_render_settings(
     """The settings that the options name, else those of the stage's ``renderSettingsPrimPath``,
     else the first there are, with the opinions of one product over them."""
     options = options or LoadOptions()
-    render_pass = _pass(stage, options)
+    render_pass = _pass(stage, options, report)
     prim = _find(stage, options, render_pass, report)
-    result = RenderSettings(render_pass=render_pass)
+    result = RenderSettings(render_pass=str(render_pass.GetPath()) if render_pass else None)
     if prim is None:
         if options.product is not None:
             raise Error(f"{options.product}: no such product; the stage has no render settings")
@@ -87,8 +88,10 @@ def read_render_settings(
         result.purposes = purposes
     materials = settings.GetMaterialBindingPurposesAttr().Get(time)
     if materials is not None and len(materials):
-        result.material_purpose = str(materials[0])
-        if len([purpose for purpose in materials[1:] if purpose]) > 0:
+        # Files have "allPurpose" for the empty token that means it.
+        purposes = [str(p).replace("allPurpose", "") for p in materials]
+        result.material_purpose = purposes[0]
+        if any(purposes[1:]):
             report.warn("of several material purposes the first and all-purpose count", result.path)
     space = settings.GetRenderingColorSpaceAttr().Get(time)
     result.color_space = str(space) if space else None
@@ -174,10 +177,20 @@ def _find(
     return None
 
 
-def _pass(stage: Usd.Stage, options: LoadOptions) -> Usd.Prim | None:
+def _pass(stage: Usd.Stage, options: LoadOptions, report: Report) -> Usd.Prim | None:
     if options.render_pass is None:
         return None
-    return _required(stage, options.render_pass, UsdRender.Pass, "RenderPass")
+    prim = _required(stage, options.render_pass, UsdRender.Pass, "RenderPass")
+    for name in PASS_COLLECTIONS:
+        collection = Usd.CollectionAPI(prim, name)
+        targets = [
+            *collection.GetIncludesRel().GetTargets(),
+            *collection.GetExcludesRel().GetTargets(),
+        ]
+        root = collection.GetIncludeRootAttr()
+        if targets or (root and root.HasAuthoredValue()):
+            report.warn("collections of render passes are ignored", f"{prim.GetPath()} ({name})")
+    return prim
 
 
 def _required(stage: Usd.Stage, path: str, schema: type, name: str) -> Usd.Prim:
