@@ -7,6 +7,7 @@ from pxr import Usd, UsdGeom, UsdShade
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Mesh, Primvar
+from usdmlt.stage import tessellated
 from usdmlt.stage.color import ColorSpaces
 from usdmlt.stage.detail import Detail
 from usdmlt.stage.gprims import read_gprim
@@ -55,8 +56,10 @@ class GeometryReader:
         self, group: Group, placed: Placed, material: UsdShade.Material | None
     ) -> Mesh | None:
         prim, skin = placed.prim, None
-        if placed.kind == "Mesh" or prim.IsA(UsdGeom.Mesh):
-            detail = self.detail.placed(placed.matrix, group.placements)
+        detail = self.detail.placed(placed.matrix, group.placements)
+        if placed.kind in tessellated.READERS:
+            read = tessellated.READERS[placed.kind](prim, self.time, detail, self.report)
+        elif placed.kind == "Mesh" or prim.IsA(UsdGeom.Mesh):
             read, skin = self._read_polygons(prim, detail)
         else:
             read = read_gprim(prim, placed.kind, self.time, self.report)

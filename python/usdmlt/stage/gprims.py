@@ -241,21 +241,31 @@ READERS: dict[str, Callable[[Size, str], Shape]] = {
 }
 
 
+POINT_SPHERE = "sphere of a point"  # a kind of its own: the unit sphere
+
+
 def read_gprim(
     prim: Usd.Prim, kind: str, time: Usd.TimeCode, report: Report
 ) -> tuple[Mesh, Topology] | None:
     """The mesh of an analytic gprim, with ``st``; None, with a note, if it has no size."""
     attribute = prim.GetAttribute("axis")
     axis = str(attribute.Get(time)) if attribute else "Z"
+    if kind == POINT_SPHERE:
+        return _mesh(prim, sphere(1.0), left_handed=False)
     with np.errstate(divide="ignore", invalid="ignore"):
         shape = READERS[kind](lambda name: _get(prim, name, time), axis)
-    triangles = shape.triangles
     if not np.isfinite(shape.points).all() or not np.isfinite(shape.normals).all():
         return _nothing(prim, report)
     extent = np.ptp(shape.points, axis=0)
     if np.count_nonzero(extent) < (2 if kind == "Plane" else 3):
         return _nothing(prim, report)
-    if UsdGeom.Gprim(prim).GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
+    orientation = UsdGeom.Gprim(prim).GetOrientationAttr().Get(time)
+    return _mesh(prim, shape, orientation == UsdGeom.Tokens.leftHanded)
+
+
+def _mesh(prim: Usd.Prim, shape: Shape, left_handed: bool) -> tuple[Mesh, Topology]:
+    triangles = shape.triangles
+    if left_handed:
         triangles = np.ascontiguousarray(triangles[:, (0, 2, 1)])
     mesh = Mesh(
         points=shape.points.astype(np.float32),

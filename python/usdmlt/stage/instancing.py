@@ -13,9 +13,18 @@ from pxr import Usd, UsdGeom, UsdShade
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Instances, Light, Mesh, Prototype
+from usdmlt.stage.gprims import POINT_SPHERE
 from usdmlt.stage.lights import moved
+from usdmlt.stage.points import read_spheres, sphere_transforms
 from usdmlt.stage.transforms import singular
-from usdmlt.stage.traversal import CHILDREN, PROTOTYPE_CHILDREN, Group, Placed, Traversal
+from usdmlt.stage.traversal import (
+    CHILDREN,
+    IDENTITY,
+    PROTOTYPE_CHILDREN,
+    Group,
+    Placed,
+    Traversal,
+)
 
 BINDING = "material:binding"
 
@@ -45,6 +54,8 @@ class Instancing:
             self._resolve_instances(group)
             for instancer in group.instancers:
                 self._resolve_instancer(group, instancer)
+            for points in group.points:
+                self._resolve_points(group, points)
         _place(world)
         return world
 
@@ -189,6 +200,22 @@ class Instancing:
             self.groups.append(group)
             self._by_key[key] = group
         return self._by_key[key]
+
+    def _resolve_points(self, group: Group, placed: Placed) -> None:
+        """UsdGeomPoints that look alike: a group of one sphere, many times."""
+        read = read_spheres(placed.prim, self.time, self.report)
+        if read is None:
+            return
+        if singular(placed.matrix):
+            raise Error(f"{placed.prim.GetPath()}: the transform is singular")
+        transforms = sphere_transforms(*read)
+        if not len(transforms):
+            self.report.note("shapes without extent are left out", placed.prim.GetPath())
+            return
+        sphere = Placed(placed.prim, POINT_SPHERE, IDENTITY, placed.purpose)
+        child = Group(str(placed.prim.GetPath()), gprims=[sphere])
+        self.groups.append(child)
+        group.children.append((child, transforms @ placed.matrix))
 
     def _warn_of_per_instance_primvars(self, instancer: UsdGeom.PointInstancer) -> None:
         for primvar in UsdGeom.PrimvarsAPI(instancer).GetPrimvarsWithAuthoredValues():

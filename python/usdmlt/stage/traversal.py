@@ -13,7 +13,8 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
 
 from usdmlt.errors import Report
 from usdmlt.scene import Light, Mesh
-from usdmlt.stage import gprims, lights
+from usdmlt.stage import gprims, lights, tessellated
+from usdmlt.stage.points import alike
 from usdmlt.stage.skinning import Skinning
 
 IDENTITY = Gf.Matrix4d(1.0)
@@ -51,6 +52,7 @@ class Group:
     lights: list[Placed] = field(default_factory=list)
     instances: list[Placed] = field(default_factory=list)  # of native prototypes
     instancers: list[Placed] = field(default_factory=list)
+    points: list[Placed] = field(default_factory=list)  # that are instances of one sphere
     children: list[tuple[Group, np.ndarray]] = field(default_factory=list)  # (n, 4, 4) each
     # Where all of it is in the world, (n, 4, 4); filled in once all groups are known:
     placements: np.ndarray = field(default_factory=lambda: np.empty((0, 4, 4)))
@@ -124,7 +126,9 @@ class Traversal:
         self, group: Group, prim: Usd.Prim, kind: PrimKind, transform: Gf.Matrix4d, purpose: str
     ) -> None:
         placed = Placed(prim, kind.name, transform, purpose)
-        if kind.role in ("mesh", "gprim"):
+        if kind.name == "Points" and alike(prim):
+            group.points.append(placed)
+        elif kind.role in ("mesh", "gprim"):
             group.gprims.append(placed)
         elif kind.role == "light":
             group.lights.append(placed)
@@ -158,7 +162,7 @@ def _classify(prim: Usd.Prim, name: str) -> PrimKind:
 
     if prim.IsA(UsdGeom.Mesh):
         return kind("mesh")
-    if name in gprims.READERS:
+    if name in gprims.READERS or name in tessellated.READERS:
         return kind("gprim")
     if name in lights.READERS:
         return kind("light")
