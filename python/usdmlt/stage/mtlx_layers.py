@@ -10,6 +10,7 @@ replaced by that graph.
 from __future__ import annotations
 
 import os
+from functools import cache
 from typing import Any
 
 from pxr import Ar, Sdf, Tf
@@ -54,11 +55,7 @@ def _read_document(path: str) -> Any:
     try:
         text = _text(path)
         mx.readFromXmlString(document, text, mx.FileSearchPath(os.path.dirname(path)))
-        library = mx.createDocument()
-        mx.loadLibraries(
-            mx.getDefaultDataLibraryFolders(), mx.getDefaultDataSearchPath(), library
-        )
-        document.setDataLibrary(library)
+        document.setDataLibrary(_library())
         for graph in [document, *document.getNodeGraphs()]:
             if graph is document or graph.getNodeDef() is None:
                 graph.flattenSubgraphs("", _is_replaced)
@@ -66,6 +63,16 @@ def _read_document(path: str) -> Any:
         reason = str(error).strip().splitlines()
         raise UnreadableDocument(f"{path}: {reason[0] if reason else 'no reason'}") from None
     return document
+
+
+@cache
+def _library() -> Any:
+    """The definitions of all standard nodes, read once."""
+    import MaterialX as mx
+
+    library = mx.createDocument()
+    mx.loadLibraries(mx.getDefaultDataLibraryFolders(), mx.getDefaultDataSearchPath(), library)
+    return library
 
 
 def _text(path: str) -> str:
