@@ -356,14 +356,98 @@ def test_instances_scaled_to_nothing_are_left_out_with_a_warning(examine):
     assert any("scaled to nothing" in w.kind for w in found.warnings)
 
 
-def test_primvars_per_point_instance_are_warned_of(examine):
-    found = examine("""def PointInstancer "i" {
-        point3f[] positions = [(0, 0, 0), (1, 0, 0)]
-        int[] protoIndices = [0, 0]
-        color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0)] ( interpolation = "vertex" )
+TINTED = """def PointInstancer "i" {{
+    point3f[] positions = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)]
+    int[] protoIndices = [0, 0, 1, 0]
+    {primvar}
+    rel prototypes = [</i/c>, </i/own>]
+    def Cube "c" {{}}
+    def Cube "own" {{ color3f[] primvars:displayColor = [(0, 0, 1)] }} }}"""
+
+
+def tints(scene) -> dict[float, tuple]:
+    """The displayColor of what is at each x."""
+    found = {}
+    for mesh in scene.meshes:
+        found[mesh.transform[3, 0]] = mesh
+    for instances in scene.instances:
+        for transform in instances.transforms:
+            for mesh in scene.prototypes[instances.prototype].meshes:
+                found[(mesh.transform @ transform)[3, 0]] = mesh
+    return {
+        float(x): tuple(mesh.primvars["displayColor"].values[0].tolist())
+        for x, mesh in sorted(found.items())
+    }
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        '[(1, 0, 0), (0, 1, 0), (1, 1, 1), (1, 0, 0)] ( interpolation = "vertex" )',
+        '[(1, 0, 0), (0, 1, 0), (1, 1, 1)] ( interpolation = "varying" )\n'
+        "int[] primvars:displayColor:indices = [0, 1, 2, 0]",
+    ],
+)
+def test_primvars_per_point_instance_reach_their_instance(read, values):
+    scene = read(TINTED.format(primvar=f"color3f[] primvars:displayColor = {values}"))
+    # What the prototype says itself is stronger than what it gets from above.
+    assert tints(scene) == {0: (1, 0, 0), 1: (0, 1, 0), 2: (0, 0, 1), 3: (1, 0, 0)}
+    # Those of the same colour share a prototype.
+    assert [len(i.transforms) for i in scene.instances] == [2]
+
+
+def test_inner_instances_values_are_stronger_than_outer_ones(read):
+    scene = read("""
+        def PointInstancer "outer" {
+            point3f[] positions = [(0, 0, 0), (100, 0, 0)]
+            int[] protoIndices = [0, 0]
+            color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0)] ( interpolation = "vertex" )
+            rel prototypes = </outer/group>
+            def Xform "group" {
+                def PointInstancer "tinted" {
+                    point3f[] positions = [(1, 0, 0)]
+                    int[] protoIndices = [0]
+                    color3f[] primvars:displayColor = [(0, 0, 1)] ( interpolation = "vertex" )
+                    rel prototypes = </outer/group/tinted/c>
+                    def Cube "c" {}
+                }
+                def PointInstancer "plain" {
+                    point3f[] positions = [(2, 0, 0)]
+                    int[] protoIndices = [0]
+                    rel prototypes = </outer/group/plain/c>
+                    def Cube "c" {}
+                }
+            } }""")
+    assert tints(scene) == {1: (0, 0, 1), 2: (1, 0, 0), 101: (0, 0, 1), 102: (0, 1, 0)}
+
+
+def test_very_many_values_are_rounded_with_a_note(examine, read):
+    count = 5000
+    rng = np.random.default_rng(1)
+    colors = np.round(rng.random((count, 3)), 4)
+    body = f"""def PointInstancer "i" {{
+        point3f[] positions = {[(float(i), 0.0, 0.0) for i in range(count)]}
+        int[] protoIndices = {[0] * count}
+        color3f[] primvars:displayColor = {[tuple(c) for c in colors.tolist()]} (
+            interpolation = "vertex" )
         rel prototypes = </i/c>
-        def Cube "c" {} }""")
-    assert any(w.paths == ["/i.primvars:displayColor"] for w in found.warnings)
+        def Cube "c" {{}} }}"""
+    assert [len(w.paths) for w in examine(body).warnings if "rounded" in w.kind] == [1]
+    found = tints(read(body))
+    assert len(found) == count
+    assert len(set(found.values())) <= 4096
+    assert np.abs(np.array(list(found.values())) - colors).max() < 0.05
+
+
+def test_primvars_per_point_instance_of_the_wrong_number_are_warned_of(examine):
+    found = examine(
+        TINTED.format(
+            primvar='color3f[] primvars:displayColor = [(1, 0, 0)] ( interpolation = "vertex" )'
+        )
+    )
+    assert [w.paths for w in found.warnings if "does not fit" in w.kind] == [
+        ["/i.primvars:displayColor (1 vertex)"]
+    ]
 
 
 INSTANCER = """def PointInstancer "i" {{

@@ -56,7 +56,7 @@ class GeometryReader:
         self, group: Group, placed: Placed, material: UsdShade.Material | None
     ) -> Mesh | None:
         prim, skin = placed.prim, None
-        detail = self.detail.placed(placed.matrix, group.placements)
+        detail = self.detail.placed(placed.matrix, group.placements.transforms)
         if placed.kind in tessellated.READERS:
             read = tessellated.READERS[placed.kind](prim, self.time, detail, self.report)
         elif placed.kind == "Mesh" or prim.IsA(UsdGeom.Mesh):

@@ -1,4 +1,4 @@
-"""Native instances and point instancers, flattened to (prototype, transforms to the world).
+"""Native instances and point instancers as groups and where these are placed.
 
 Instances share a group when they would look the same: they have the same USD prototype and
 inherit the same material, purpose and constant primvars from outside of it.
@@ -12,10 +12,11 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
 from usdmlt.errors import Error, Report
-from usdmlt.scene import Instances, Light, Mesh, Prototype
+from usdmlt.stage.color import ColorSpaces
+from usdmlt.stage.flattening import place
 from usdmlt.stage.gprims import POINT_SPHERE
-from usdmlt.stage.lights import moved
 from usdmlt.stage.points import read_spheres, sphere_transforms
+from usdmlt.stage.primvars import read_values
 from usdmlt.stage.transforms import singular
 from usdmlt.stage.traversal import (
     CHILDREN,
@@ -23,6 +24,7 @@ from usdmlt.stage.traversal import (
     PROTOTYPE_CHILDREN,
     Group,
     Placed,
+    Placements,
     Traversal,
 )
 
@@ -33,11 +35,17 @@ class Instancing:
     """Collects the groups of a stage: the world and every prototype, each walked once."""
 
     def __init__(
-        self, stage: Usd.Stage, traversal: Traversal, material_purpose: str, report: Report
+        self,
+        stage: Usd.Stage,
+        traversal: Traversal,
+        colors: ColorSpaces,
+        material_purpose: str,
+        report: Report,
     ):
         self.stage = stage
         self.traversal = traversal
         self.time = traversal.time
+        self.colors = colors
         self.material_purpose = material_purpose
         self.report = report
         self.groups: list[Group] = []
@@ -56,7 +64,7 @@ class Instancing:
                 self._resolve_instancer(group, instancer)
             for points in group.points:
                 self._resolve_points(group, points)
-        _place(world)
+        place(world)
         return world
 
     # -- native instances
@@ -76,7 +84,7 @@ class Instancing:
                 raise Error(f"{instances[index].prim.GetPath()}: the transform is singular")
             if key not in self._by_key:
                 self._by_key[key] = self._walk_instance(instances[0])
-            group.children.append((self._by_key[key], transforms))
+            group.children.append((self._by_key[key], Placements(transforms)))
 
     def _walk_instance(self, placed: Placed) -> Group:
         """A new group of what is below an instance, seen through its proxies."""
@@ -175,7 +183,7 @@ class Instancing:
         if flat.any():
             self.report.note("point instances scaled to nothing are left out", path)
             visible &= ~flat
-        self._warn_of_per_instance_primvars(instancer)
+        values = self._instance_primvars(instancer, len(which))
 
         transforms = transforms @ placed.matrix
         if singular(placed.matrix):
@@ -183,7 +191,9 @@ class Instancing:
         for index in np.unique(which[visible]):
             child = self._prototype(instancer, targets[index], placed)
             if child is not None:
-                group.children.append((child, transforms[visible & (which == index)]))
+                chosen = visible & (which == index)
+                own = {name: value[chosen] for name, value in values.items()}
+                group.children.append((child, Placements(transforms[chosen], own)))
 
     def _prototype(self, instancer: UsdGeom.PointInstancer, target, placed: Placed) -> Group | None:
         """The group of a prototype of an instancer, its own transform included."""
@@ -215,15 +225,36 @@ class Instancing:
         sphere = Placed(placed.prim, POINT_SPHERE, IDENTITY, placed.purpose)
         child = Group(str(placed.prim.GetPath()), gprims=[sphere])
         self.groups.append(child)
-        group.children.append((child, transforms @ placed.matrix))
+        group.children.append((child, Placements(transforms @ placed.matrix)))
 
-    def _warn_of_per_instance_primvars(self, instancer: UsdGeom.PointInstancer) -> None:
+    def _instance_primvars(
+        self, instancer: UsdGeom.PointInstancer, count: int
+    ) -> dict[str, np.ndarray]:
+        """The primvars that differ between instances and that shaders may read: (count, width)."""
+        found = {}
         for primvar in UsdGeom.PrimvarsAPI(instancer).GetPrimvarsWithAuthoredValues():
-            if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
+            name = str(primvar.GetPrimvarName())
+            if primvar.GetInterpolation() == UsdGeom.Tokens.constant:
+                continue
+            if name not in self._primvars_read():
+                continue
+            path = primvar.GetAttr().GetPath()
+            values = read_values(primvar, self.time, self.colors, self.report)
+            indices = np.asarray(primvar.GetIndices(self.time)) if primvar.IsIndexed() else None
+            if values is None:
+                continue
+            if indices is not None and len(indices):
+                if not (indices.min() >= 0 and indices.max() < len(values)):
+                    raise Error(f"{path}: primvar indices out of range (0 to {len(values) - 1})")
+                values = values[indices]
+            if len(values) != count:
                 self.report.warn(
-                    "primvars that differ between point instances are ignored",
-                    primvar.GetAttr().GetPath(),
+                    "primvars whose number of values does not fit their interpolation are ignored",
+                    f"{path} ({len(values)} {primvar.GetInterpolation()})",
                 )
+                continue
+            found[name] = values.astype(np.float64)
+        return found
 
 
 def _names_read(shader: UsdShade.Shader, time: Usd.TimeCode) -> set[str]:
@@ -235,59 +266,3 @@ def _names_read(shader: UsdShade.Shader, time: Usd.TimeCode) -> set[str]:
             for attribute in shader_input.GetValueProducingAttributes():
                 names.add(str(attribute.Get(time)))
     return names
-
-
-# ---------------------------------------------------------------------------------------------
-# Flattening
-
-
-def flatten(
-    groups: list[Group],
-) -> tuple[list[Mesh], list[Prototype], list[Instances], list[Light]]:
-    """Meshes, prototypes, their placements and lights, all in world space, of groups whose
-    placements are known. What is placed once becomes plain meshes.
-    """
-    meshes: list[Mesh] = []
-    prototypes: list[Prototype] = []
-    instances: list[Instances] = []
-    lights: list[Light] = []
-    for group in groups:
-        transforms = group.placements
-        for light in group.scene_lights:
-            lights += [moved(light, transform) for transform in transforms]
-        if len(transforms) == 1:
-            for mesh in group.scene_meshes:
-                mesh.transform = mesh.transform @ transforms[0]
-            meshes += group.scene_meshes
-        elif group.scene_meshes:
-            instances.append(Instances(len(prototypes), transforms, name=group.name))
-            prototypes.append(Prototype(group.scene_meshes, name=group.name))
-    return meshes, prototypes, instances, lights
-
-
-def _place(world: Group) -> None:
-    """Find the world transforms of all groups below the world. Raises :class:`Error` for an
-    instancer that is one of its own prototypes."""
-    placements: dict[int, tuple[Group, list[np.ndarray]]] = {}
-    _place_below(world, np.eye(4)[None], placements, [])
-    for group, pieces in placements.values():
-        group.placements = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
-
-
-def _place_below(
-    group: Group,
-    transforms: np.ndarray,
-    placements: dict[int, tuple[Group, list[np.ndarray]]],
-    inside: list[Group],
-) -> None:
-    """Record where a group is, (n, 4, 4), and everything below it."""
-    if any(group is outer for outer in inside):
-        raise Error(f"{group.name}: a prototype that contains itself")
-    placements.setdefault(id(group), (group, []))[1].append(transforms)
-    by_child: dict[int, tuple[Group, list[np.ndarray]]] = {}
-    for child, local in group.children:
-        by_child.setdefault(id(child), (child, []))[1].append(local)
-    for child, pieces in by_child.values():
-        local = np.concatenate(pieces)
-        combined = (local[None] @ transforms[:, None]).reshape(-1, 4, 4)
-        _place_below(child, combined, placements, [*inside, group])

@@ -16,9 +16,10 @@ from usdmlt.stage.cameras import all_cameras, conformed, find_camera, read_camer
 from usdmlt.stage.color import DEFAULT, ColorSpaces
 from usdmlt.stage.data_window import data_window, windowed
 from usdmlt.stage.detail import Detail
+from usdmlt.stage.flattening import flatten
 from usdmlt.stage.framing import framing_camera, scene_bounds, stage_bounds
 from usdmlt.stage.geometry import GeometryReader
-from usdmlt.stage.instancing import Instancing, flatten
+from usdmlt.stage.instancing import Instancing
 from usdmlt.stage.lights import LightReader, default_dome
 from usdmlt.stage.materials import Materials, emits
 from usdmlt.stage.mesh_lights import MeshLights
@@ -81,6 +82,7 @@ class Reading:
     scene: Scene
     camera_reason: str
     settings: RenderSettings
+    stage: Usd.Stage
 
 
 def read_stage(
@@ -104,7 +106,7 @@ def read_stage(
         _fit_picture(scene, options, settings)
         scene.settings = settings.usdmlt
         scene.metadata |= _metadata(opened, time, settings, shown)
-    return Reading(scene, reason, settings)
+    return Reading(scene, reason, settings, opened)
 
 
 def _fit_picture(scene: Scene, options: LoadOptions, settings: RenderSettings) -> None:
@@ -144,7 +146,7 @@ def _read_content(
     textures = Textures(time, colors, report)
     materials = Materials(Networks(time, colors, textures, report), report)
     traversal = Traversal(time, purposes, skinning, report)
-    instancing = Instancing(stage, traversal, settings.material_purpose, report)
+    instancing = Instancing(stage, traversal, colors, settings.material_purpose, report)
     instancing.collect()
     detail = _detail(stage, time, purposes, options, settings, camera)
     geometry = GeometryReader(
@@ -160,7 +162,8 @@ def _read_content(
         mesh_lights.apply(group)
         group.scene_lights = [lights.read(p.prim, p.kind, p.matrix) for p in group.lights]
 
-    meshes, prototypes, instances, placed_lights = flatten(instancing.groups)
+    flat = flatten(instancing.groups, materials, report)
+    placed_lights = flat.lights
     lit = placed_lights or any(emits(material) for material in materials.materials)
     if not lit and options.default_light:
         report.note("the stage has no lights: a white dome lights it")
@@ -170,9 +173,9 @@ def _read_content(
     return Scene(
         background=bool(lit)
         and options.domes_visible,  # white objects before a white dome could not be seen
-        meshes=meshes,
-        prototypes=prototypes,
-        instances=instances,
+        meshes=flat.meshes,
+        prototypes=flat.prototypes,
+        instances=flat.instances,
         materials=materials.materials,
         textures=textures.textures,
         lights=placed_lights,

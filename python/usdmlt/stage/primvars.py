@@ -132,14 +132,11 @@ def read_primvars(
     return found
 
 
-def read_primvar(
-    primvar: UsdGeom.Primvar,
-    topology: Spreads,
-    time: Usd.TimeCode,
-    colors: ColorSpaces,
-    report: Report,
-) -> Primvar | None:
-    """One primvar; None, with a warning, if it does not fit the mesh."""
+def read_values(
+    primvar: UsdGeom.Primvar, time: Usd.TimeCode, colors: ColorSpaces, report: Report
+) -> np.ndarray | None:
+    """(count, width) float32 values of a primvar as authored, colours in the rendering space; None,
+    with a warning, for what is no numbers."""
     path = primvar.GetAttr().GetPath()
     value = primvar.Get(time)
     values = None if value is None else as_floats(value)
@@ -153,7 +150,21 @@ def read_primvar(
         space = colors.space_of(primvar.GetAttr())
         rgb = colors.convert(values[:, :3], space)
         values = np.concatenate([rgb, values[:, 3:]], axis=1).astype(np.float32, copy=False)
+    return values
 
+
+def read_primvar(
+    primvar: UsdGeom.Primvar,
+    topology: Spreads,
+    time: Usd.TimeCode,
+    colors: ColorSpaces,
+    report: Report,
+) -> Primvar | None:
+    """One primvar; None, with a warning, if it does not fit the mesh."""
+    path = primvar.GetAttr().GetPath()
+    values = read_values(primvar, time, colors, report)
+    if values is None:
+        return None
     indices = None
     if primvar.IsIndexed():
         indices = np.asarray(primvar.GetIndices(time))

@@ -43,6 +43,15 @@ class Placed:
 
 
 @dataclass
+class Placements:
+    """Where something is: ``transforms`` (n, 4, 4); ``values``: primvars of each placement by name,
+    (n, width), NaN where there is none."""
+
+    transforms: np.ndarray
+    values: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+@dataclass
 class Group:
     """What the world or a prototype holds, in its own space."""
 
@@ -53,9 +62,9 @@ class Group:
     instances: list[Placed] = field(default_factory=list)  # of native prototypes
     instancers: list[Placed] = field(default_factory=list)
     points: list[Placed] = field(default_factory=list)  # that are instances of one sphere
-    children: list[tuple[Group, np.ndarray]] = field(default_factory=list)  # (n, 4, 4) each
-    # Where all of it is in the world, (n, 4, 4); filled in once all groups are known:
-    placements: np.ndarray = field(default_factory=lambda: np.empty((0, 4, 4)))
+    children: list[tuple[Group, Placements]] = field(default_factory=list)
+    # Where all of it is in the world; filled in once all groups are known:
+    placements: Placements = field(default_factory=lambda: Placements(np.empty((0, 4, 4))))
     # Filled in once the prims are read:
     scene_meshes: list[Mesh] = field(default_factory=list)
     scene_lights: list[Light] = field(default_factory=list)
@@ -149,11 +158,11 @@ class Traversal:
     def _kind(self, prim: Usd.Prim) -> PrimKind:
         name = prim.GetTypeName()
         if name not in self._kinds:
-            self._kinds[name] = _classify(prim, str(name))
+            self._kinds[name] = classify(prim, str(name))
         return self._kinds[name]
 
 
-def _classify(prim: Usd.Prim, name: str) -> PrimKind:
+def classify(prim: Usd.Prim, name: str) -> PrimKind:
     """What prims of a type are to the walk, decided once per type."""
     imageable, xformable = prim.IsA(UsdGeom.Imageable), prim.IsA(UsdGeom.Xformable)
 
