@@ -14,6 +14,7 @@ from usdmlt.cli.view import add_view_flags, load_options
 
 if TYPE_CHECKING:
     from usdmlt.stage import Inspection
+    from usdmlt.stage.contents import PrimCount
 
 NAMES_SHOWN = 5
 
@@ -58,8 +59,18 @@ def lines(content: Inspection, everything: bool = False) -> Iterator[str]:
     frame = "default time" if content.frame is None else f"frame {content.frame:g}"
     yield f"stage      {content.stage}, {frame}"
     yield f"           {content.up_axis} up, 1 unit = {content.meters_per_unit:g} m"
+    yield from _prim_table(content.prims)
+    settings = "".join(f", {name} {value}" for name, value in content.settings.items())
+    yield f"settings   {content.render_settings or 'none'}{settings}"
+    yield from (f"           product {path}: {name}" for path, name in content.products)
     yield f"camera     {content.camera or '(automatic)'}: {content.camera_reason}"
-    yield f"picture    {content.width}x{content.height}, purposes {', '.join(content.purposes)}"
+    lens = f"lens radius {content.lens_radius:g}" if content.lens_radius else "in focus everywhere"
+    yield f"           {content.projection}, {lens}, exposure x {content.exposure:g}"
+    size = f"{content.width}x{content.height}"
+    if content.data_window is not None:
+        x, y, full_width, full_height = content.data_window
+        size += f" from ({x}, {y}) of {full_width}x{full_height}"
+    yield f"picture    {size}, {content.color_space}, purposes {', '.join(content.purposes)}"
     yield f"geometry   {content.meshes:,} meshes, {content.triangles:,} triangles"
     if content.instances:
         yield (
@@ -82,6 +93,14 @@ def lines(content: Inspection, everything: bool = False) -> Iterator[str]:
         yield from _indented(warning.paths, limit)
     if not content.warnings:
         yield "warnings   none: all of it is rendered"
+
+
+def _prim_table(prims: list[PrimCount]) -> Iterator[str]:
+    """Types, how many and what becomes of them, in columns."""
+    width = max((len(row.type) for row in prims), default=0)
+    for i, row in enumerate(prims):
+        title = "prims" if i == 0 else ""
+        yield f"{title:<11}{row.type or '(no type)':<{max(width, 9)}}{row.count:>9,}  {row.fate}"
 
 
 def _listed(title: str, names: list[str], limit: int | None) -> Iterator[str]:

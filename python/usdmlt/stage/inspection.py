@@ -4,29 +4,43 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
+from typing import Any
 
 from pxr import Usd
 
 from usdmlt.errors import Report, Warning
 from usdmlt.options import LoadOptions
-from usdmlt.scene import Scene
-from usdmlt.stage.loading import read_stage
+from usdmlt.stage.contents import PrimCount, count_prims
+from usdmlt.stage.loading import Reading, read_stage
 
 
 @dataclass
 class Inspection:
     """The content of a stage as it would be rendered.
 
-    ``triangles``: distinct ones; ``triangles_instanced``: with every placement counted.
-    ``warnings``: each kind of content that is not rendered as authored, with all its prim paths.
+    ``prims``: what the stage has, by type, and what becomes of it. ``settings``: fields of
+    :class:`usdmlt.Settings` that the stage asks for. ``products``: paths and files.
+    ``data_window``: (x, y, full width, full height), None where the whole picture is rendered.
+    ``lens_radius``: 0 is a pinhole. ``triangles``: distinct ones; ``triangles_instanced``: with
+    every placement counted. ``warnings``: each kind of content that is not rendered as authored,
+    with all its prim paths.
     """
 
     stage: str
     frame: float | None
+    prims: list[PrimCount]
+    render_settings: str | None
+    settings: dict[str, Any]
+    products: list[tuple[str, str]]
     camera: str
     camera_reason: str
     width: int
     height: int
+    data_window: tuple[int, int, int, int] | None
+    projection: str
+    lens_radius: float
+    exposure: float
+    color_space: str
     purposes: list[str]
     up_axis: str
     meters_per_unit: float
@@ -49,11 +63,12 @@ def inspect(stage: Usd.Stage | str | os.PathLike[str], **options) -> Inspection:
     """
     report = Report()
     reading = read_stage(report, stage, LoadOptions(**options))
-    return summarize(reading.scene, reading.camera_reason, report)
+    return summarize(reading, report)
 
 
-def summarize(scene: Scene, camera_reason: str, report: Report) -> Inspection:
-    """The inspection of a scene description that was read with ``report``."""
+def summarize(reading: Reading, report: Report) -> Inspection:
+    """The inspection of what was read with ``report``."""
+    scene, window = reading.scene, reading.scene.metadata.get("data_window")
     per_prototype = [sum(len(m.triangles) for m in p.meshes) for p in scene.prototypes]
     single = sum(len(mesh.triangles) for mesh in scene.meshes)
     placed = sum(len(i.transforms) * per_prototype[i.prototype] for i in scene.instances)
@@ -63,10 +78,19 @@ def summarize(scene: Scene, camera_reason: str, report: Report) -> Inspection:
     return Inspection(
         stage=str(metadata["stage"]),
         frame=metadata["frame"],
+        prims=count_prims(reading.stage),
+        render_settings=reading.settings.path,
+        settings=scene.settings,
+        products=[(product.path, product.name) for product in reading.settings.products],
         camera=scene.camera.name,
-        camera_reason=camera_reason,
+        camera_reason=reading.camera_reason,
         width=scene.width,
         height=scene.height,
+        data_window=window and (window.x, window.y, window.full_width, window.full_height),
+        projection=scene.camera.projection,
+        lens_radius=scene.camera.lens_radius,
+        exposure=scene.camera.exposure,
+        color_space=scene.color_space,
         purposes=list(metadata["purposes"]),
         up_axis=str(metadata["up_axis"]),
         meters_per_unit=float(metadata["meters_per_unit"]),
