@@ -73,11 +73,29 @@ def _pair(operation: str, second: float = 0.0) -> Reader:
 
 
 def _conditional(operation: str, first: float) -> Reader:
-    return simple(operation, ("value1", first), ("value2", 0.0), ("in1", 0.0), ("in2", 0.0))
+    """One of two inputs; or, as a boolean, the comparison itself."""
+
+    def read(call: Call) -> Input:
+        compares = call.type == "boolean"
+        ends = (1.0, 0.0) if compares else (call.input("in1"), call.input("in2"))
+        one = 1.0 if compares and not call.source.node.endswith("B") else first
+        return call.operate(operation, call.input("value1", one), call.input("value2"), *ends)
+
+    return read
 
 
 def _remap(call: Call) -> Input:
-    """(in - inlow) / (inhigh - inlow), to the power of 1 / gamma, into outlow … outhigh."""
+    """(in - inlow) / (inhigh - inlow) into outlow … outhigh."""
+    low, high = call.input("inlow"), call.input("inhigh", 1.0)
+    value = call.operate("subtract", call.input("in"), low)
+    value = call.operate("divide", value, call.operate("subtract", high, low))
+    out_low, out_high = call.input("outlow"), call.input("outhigh", 1.0)
+    value = call.operate("multiply", value, call.operate("subtract", out_high, out_low))
+    return call.operate("add", value, out_low)
+
+
+def _range(call: Call) -> Input:
+    """As remap, with a power of 1 / gamma in between, and a clamp after it."""
     low, high = call.input("inlow"), call.input("inhigh", 1.0)
     value = call.operate("subtract", call.input("in"), low)
     value = call.operate("divide", value, call.operate("subtract", high, low))
@@ -243,7 +261,7 @@ def _checkerboard(call: Call) -> Input:
     st = operate("subtract", st, call.input("uvoffset", (0.0, 0.0)), width=2)
     odd = operate("checker", st, width=1)
     first, second = call.input("color1", (1.0, 1.0, 1.0)), call.input("color2", (0.0, 0.0, 0.0))
-    return call.operate("mix", second, first, odd)
+    return call.operate("mix", first, second, odd)
 
 
 def _noise(operation: str) -> Reader:
@@ -321,7 +339,7 @@ OPERATIONS: dict[str, Reader] = {
     "mix": simple("mix", ("fg", 0.0), ("bg", 0.0), ("mix", 0.0)),
     "smoothstep": simple("smoothstep", ("in", 0.0), ("low", 0.0), ("high", 1.0)),
     "remap": _remap,
-    "range": _remap,
+    "range": _range,
     "dotproduct": lambda call: operate(
         "dot", call.input("in1"), call.input("in2"), width=WIDTHS[call.from_type]
     ),
