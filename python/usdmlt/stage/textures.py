@@ -123,7 +123,8 @@ class Textures:
         modes = image.wrap_modes.split(",")
         modes = [WRAPS.get(mode.strip(), "black") for mode in (*modes, modes[-1])[:2]]
         wrap_s, wrap_t = (WRAPS.get(w, m) for w, m in zip(wrap, modes, strict=True))
-        key = (path, space, is_color, wrap_s, wrap_t)
+        matrix = self._matrix(image, space) if is_color else None
+        key = (path, space, matrix is None, wrap_s, wrap_t)
         if key not in self._indices:
             self._indices[key] = len(self.textures)
             self.textures.append(
@@ -133,7 +134,7 @@ class Textures:
                     wrap_t=wrap_t,
                     name=path,
                     decode=curve(space, image.pixels.dtype),
-                    matrix=self._matrix(image, space) if is_color else None,
+                    matrix=matrix,
                 )
             )
         return self._indices[key]
