@@ -180,8 +180,8 @@ Camera make_camera(const py::handle& source, Vec3d center, int width, int height
     const auto planes = py::cast<Doubles>(source.attr("clipping_planes"));
     for (py::ssize_t i = 0; i < planes.size() / 4; ++i) {
         const double* p = planes.data() + 4 * i;
-        const Vec3f normal = camera.right * float(p[0]) + camera.up * float(p[1]) -
-                             camera.forward * float(p[2]);
+        const Vec3f normal =
+            camera.right * float(p[0]) + camera.up * float(p[1]) - camera.forward * float(p[2]);
         camera.clipping_planes.push_back(
             {normal, float(p[3] * scale - dot(to_double(normal), to_double(camera.position)))});
     }
@@ -299,6 +299,10 @@ py::dict closest_hits(const Scene& scene, const Doubles& origins, const Doubles&
 }
 
 }  // namespace
+
+Mesh mesh_from_python(const py::handle& source, const py::dict& primvar_slots) {
+    return make_mesh(source, {}, primvar_slots);
+}
 
 void bind_scene(py::module_& module) {
     py::class_<Scene, std::shared_ptr<Scene>>(module, "Scene")

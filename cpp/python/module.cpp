@@ -8,6 +8,7 @@
 #include "python/bind_metropolis.hpp"
 #include "python/bind_mutations.hpp"
 #include "python/bind_paths.hpp"
+#include "python/bind_patterns.hpp"
 #include "python/bind_render.hpp"
 #include "python/bind_scene.hpp"
 
@@ -61,6 +62,7 @@ PYBIND11_MODULE(_core, module) {
     usdmlt::bind_lights(module);
     usdmlt::bind_scene(module);
     usdmlt::bind_paths(module);
+    usdmlt::bind_patterns(module);
     usdmlt::bind_mutations(module);
     usdmlt::bind_metropolis(module);
     usdmlt::bind_render(module);

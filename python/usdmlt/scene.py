@@ -274,7 +274,8 @@ class Material:
     not there elsewhere. ``normal``: tangent-space normal in [-1, 1] (scale and bias applied), +x
     along s of the texture it reads. ``tangent_rotation``: turns by which the direction of
     anisotropy is rotated. ``thin_walled``: the surface bounds no medium, both sides are outside.
-    A closure of None absorbs everything.
+    ``displacement``: how far points are moved along the normal, in the mesh's own units; reading a
+    stage applies it. A closure of None absorbs everything.
     """
 
     closure: Closure | None
@@ -284,6 +285,7 @@ class Material:
     name: str = ""
     tangent_rotation: Input = 0.0
     thin_walled: bool = False
+    displacement: Input = 0.0
 
 
 # ---------------------------------------------------------------------------------------------

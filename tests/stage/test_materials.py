@@ -110,15 +110,6 @@ def test_material_inputs_may_be_animated(read):
     assert scene.materials[0].closure.roughness == 0.5
 
 
-def test_displacement_is_warned_of_unless_it_is_nothing(examine):
-    def warned(value):
-        body = MATERIAL.replace("INPUTS", f"float inputs:displacement = {value}")
-        return any("displacement" in w.kind for w in examine(body.replace("NODES", "")).warnings)
-
-    assert warned(0.5)
-    assert not warned(0)
-
-
 # ---------------------------------------------------------------------------------------------
 # Broken and unknown networks: a warning, and the mesh's displayColor
 

@@ -10,6 +10,7 @@ from usdmlt.scene import Mesh, Primvar
 from usdmlt.stage import tessellated
 from usdmlt.stage.color import ColorSpaces
 from usdmlt.stage.detail import Detail
+from usdmlt.stage.displacement import displaced
 from usdmlt.stage.gprims import read_gprim
 from usdmlt.stage.materials import Materials, bound_materials
 from usdmlt.stage.meshes import face_materials, read_mesh
@@ -73,7 +74,8 @@ class GeometryReader:
         if singular(mesh.transform):
             raise Error(f"{prim.GetPath()}: the transform is singular")
         self._assign_materials(prim, mesh, topology, material)
-        return mesh
+        textures = self.materials.networks.textures.textures
+        return displaced(mesh, self.materials.materials, textures, self.report)
 
     def _read_polygons(
         self, prim: Usd.Prim, detail: Detail

@@ -1,11 +1,11 @@
-"""UsdPreviewSurface into a closure, a coverage and a normal map."""
+"""UsdPreviewSurface into a closure, a coverage, a normal map and a displacement."""
 
 from __future__ import annotations
 
 from pxr import UsdShade
 
 from usdmlt.scene import Material, PreviewSurface, TextureInput
-from usdmlt.stage.networks import Networks, is_zero
+from usdmlt.stage.networks import Networks
 
 COLORS = {
     "diffuseColor": (0.18, 0.18, 0.18),
@@ -42,8 +42,7 @@ def read_preview_surface(networks: Networks, shader: UsdShade.Shader) -> Materia
         material.opacity = opacity
     else:
         closure.opacity = opacity
-    if not is_zero(networks.read(shader, "displacement", 0.0, "float")):
-        networks.report.warn("displacement is not rendered", shader.GetPath())
+    material.displacement = networks.read(shader, "displacement", 0.0, "float")
     return material
 
 
