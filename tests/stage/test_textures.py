@@ -218,6 +218,69 @@ def test_scale_bias_and_channel(read, image):
         assert value.primvar == "st"
 
 
+FLOAT_INPUTS = ("metallic", "roughness", "clearcoat", "clearcoatRoughness", "opacity", "ior")
+COLOR_INPUTS = ("diffuseColor", "emissiveColor", "specularColor")
+
+
+@pytest.mark.parametrize("mode", ["transparent", "presence", "threshold"])
+@pytest.mark.parametrize("name", FLOAT_INPUTS + COLOR_INPUTS)
+def test_every_input_may_be_textured_and_means_the_same_as_a_constant(read, image, name, mode):
+    """A texture of 0.5 and the number 0.5; specularColor in its own workflow."""
+    image(solid(0.5, 0.5, 0.5, dtype=np.float32), "half.exr")
+    kind, constant, output = (
+        ("float", "0.5", "r") if name in FLOAT_INPUTS else ("color3f", "(0.5, 0.5, 0.5)", "rgb")
+    )
+    others = "float inputs:clearcoat = 0.25\n" if "Roughness" in name else ""
+    others += "int inputs:useSpecularWorkflow = 1\n" if name == "specularColor" else ""
+    others += 'token inputs:opacityMode = "presence"\n' if mode == "presence" else ""
+    others += "float inputs:opacityThreshold = 0.5\n" if mode == "threshold" else ""
+    found = []
+    for feeds in (
+        f"{kind} inputs:{name} = {constant}",
+        f"{kind} inputs:{name}.connect = </M/t.outputs:{output}>",
+    ):
+        scene = read(body("half.exr", feeds=others + feeds))
+        st = {"st": np.full((3, 2), 0.5)}
+        found.append(probe_material(scene.materials[0], scene.textures, st))
+    constant_probe, textured = found
+    assert constant_probe.lobes == textured.lobes
+    assert constant_probe.emission == textured.emission
+    assert (
+        constant_probe.opacity
+        == textured.opacity
+        == (0.5 if name == "opacity" and mode == "presence" else 1.0)
+    )
+
+
+def test_materialxs_preview_surface_counts_its_opacity_modes(read):
+    material = """
+    def Material "M" {
+        token outputs:mtlx:surface.connect = </M/s.outputs:out>
+        def Shader "s" {
+            uniform token info:id = "ND_UsdPreviewSurface_surfaceshader"
+            float inputs:opacity = 0.25
+            int inputs:opacityMode = MODE
+            token outputs:out } }
+    def Cube "c" (prepend apiSchemas = ["MaterialBindingAPI"]) { rel material:binding = </M> }
+    """
+    transparent, presence = (read(material.replace("MODE", m)).materials[0] for m in "01")
+    assert (transparent.opacity, transparent.closure.opacity) == (1.0, 0.25)
+    assert (presence.opacity, presence.closure.opacity) == (0.25, 1.0)
+
+
+def test_where_the_mesh_lacks_the_primvar_the_readers_fallback_is_looked_up(read, image):
+    pixels = np.zeros((1, 2, 3), np.float32)
+    pixels[0, 1] = 0.75
+    image(pixels, "halves.exr")
+    text = body("halves.exr", 'token inputs:wrapS = "clamp"').replace(
+        'string inputs:varname = "st"',
+        'string inputs:varname = "none"\nfloat2 inputs:fallback = (1, 0.5)',
+    )
+    scene = read(text)
+    lobes = probe_material(scene.materials[0], scene.textures).lobes
+    assert next(x["weight"] for x in lobes if x["type"] == "diffuse") == pytest.approx([0.75] * 3)
+
+
 def test_one_file_is_decoded_once_and_listed_once(read, image):
     image(solid(1, 2, 3))
     feeds = DIFFUSE + "\ncolor3f inputs:emissiveColor.connect = </M/t.outputs:rgb>"

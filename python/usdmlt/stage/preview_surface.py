@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pxr import UsdShade
 
-from usdmlt.scene import Material, PreviewSurface, TextureInput
+from usdmlt.scene import Material, Node, PreviewSurface, TextureInput
 from usdmlt.stage.networks import Networks
 
 COLORS = {
@@ -19,6 +19,7 @@ FLOATS = {
     "clearcoatRoughness": 0.01,
     "ior": 1.5,
 }
+PRESENCE = ("presence", "1")  # MaterialX's node counts the modes
 
 
 def read_preview_surface(networks: Networks, shader: UsdShade.Shader) -> Material:
@@ -38,7 +39,7 @@ def read_preview_surface(networks: Networks, shader: UsdShade.Shader) -> Materia
     threshold = networks.number(shader, "opacityThreshold", 0.0)
     if threshold > 0:
         material.opacity, material.opacity_threshold = opacity, threshold
-    elif str(networks.value(shader, "opacityMode", "transparent")) == "presence":
+    elif str(networks.value(shader, "opacityMode", "transparent")) in PRESENCE:
         material.opacity = opacity
     else:
         closure.opacity = opacity
@@ -46,10 +47,10 @@ def read_preview_surface(networks: Networks, shader: UsdShade.Shader) -> Materia
     return material
 
 
-def _normal(networks: Networks, shader: UsdShade.Shader) -> TextureInput | None:
+def _normal(networks: Networks, shader: UsdShade.Shader) -> TextureInput | Node | None:
     """The normal map, if there is one; a constant normal is that of the surface."""
     value = networks.read(shader, "normal", None, "data")
-    if isinstance(value, TextureInput):
+    if isinstance(value, (TextureInput, Node)):
         return value
     source = networks.source(shader, "normal")
     if source is not None and source.shader is None and value not in (None, (0.0, 0.0, 1.0)):

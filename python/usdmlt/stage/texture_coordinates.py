@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pxr import UsdShade
 
-from usdmlt.scene import Input
+from usdmlt.scene import Input, PrimvarInput
 from usdmlt.stage.materialx_nodes import reader as computing_node
 from usdmlt.stage.networks import Networks, Unusable
 
@@ -42,6 +42,10 @@ def read_texture_coordinates(
             continue
         if node.startswith("UsdPrimvarReader_"):
             primvar = networks.value(shader, "varname", "") or "st"
+            fallback = networks.numbers(shader, "fallback", (0.0, 0.0))
+            if fallback != (0.0, 0.0):
+                made = PrimvarInput(str(primvar), (*fallback, 0.0))
+                return str(primvar), transform[:2].copy(), made
         elif node.startswith("geompropvalue_"):
             primvar = networks.value(shader, "geomprop", "") or "st"
         else:
