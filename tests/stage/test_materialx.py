@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from pxr import UsdLux
 
 from usdmlt.scene import (
     Add,
@@ -323,3 +324,41 @@ def test_materialx_preview_surfaces_are_read_like_usds(read):
     body = MATERIAL.replace("ND_surface", "ND_UsdPreviewSurface_surfaceshader")
     scene = read(body.replace("SURFACE", "float inputs:roughness = 0.25").replace("NODES", ""))
     assert scene.materials[0].closure == PreviewSurface(roughness=0.25)
+
+
+def test_unlit_surfaces_only_emit(read):
+    body = MATERIAL.replace("ND_surface", "ND_surface_unlit").replace("NODES", "")
+    scene = read(
+        body.replace(
+            "SURFACE",
+            """float inputs:emission = 2
+            color3f inputs:emission_color = (0.5, 1, 0.25)
+            float inputs:transmission = 0.5
+            float inputs:opacity = 0.5""",
+        )
+    )
+    assert scene.materials[0].closure == UniformEmission((1.0, 2.0, 0.5))
+    assert scene.materials[0].opacity == 0.25
+
+
+def test_lobes_that_are_too_many_leave_it_to_the_universal_context(material):
+    lobes = "".join(
+        node(f"d{i}", "ND_oren_nayar_diffuse_bsdf")
+        + node(
+            "bsdf" if i == 8 else f"s{i}",
+            "ND_add_bsdf",
+            connect("in1", f"d{i}") + connect("in2", f"s{i - 1}" if i else "d9"),
+        )
+        for i in range(9)
+    )
+    lobes += node("d9", "ND_translucent_bsdf")
+    assert material(lobes + UNIVERSAL).closure == PreviewSurface(roughness=0.75)
+
+
+def test_blackbodies_have_usds_colour(read):
+    nodes = node("edf", "ND_uniform_edf", connect("color", "hot", "color3f"))
+    nodes += node("hot", "ND_blackbody", "float inputs:temperature = 3000")
+    body = MATERIAL.replace("SURFACE", connect("edf", "edf")).replace("NODES", nodes)
+    color = read(body).materials[0].closure.color
+    assert color == pytest.approx(UsdLux.BlackbodyTemperatureAsRgb(3000))
+    assert np.dot(color, (0.2126, 0.7152, 0.0722)) == pytest.approx(1, abs=1e-3)

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from support.scattering import probe_material
 from usdmlt.scene import PrimvarInput
 from usdmlt.stage import load
+from usdmlt.stage.color import ColorSpaces
 from usdmlt.stage.materialx_nodes import LUMA, NAME, OPERATIONS, reader
 from usdmlt.stage.networks import Source
 
@@ -42,6 +43,7 @@ class Recorder:
     def __init__(self) -> None:
         self.asked: dict[str, object] = {}
         self.report = self
+        self.colors = ColorSpaces()
 
     def read(self, shader, name, default, kind):
         self.asked[name] = default

@@ -22,7 +22,7 @@ from usdmlt.scene import (
     TextureInput,
     UniformEmission,
 )
-from usdmlt.stage.materialx import read_surface
+from usdmlt.stage.materialx import read_surface, read_unlit
 from usdmlt.stage.networks import (
     Networks,
     Unusable,
@@ -40,6 +40,7 @@ SURFACES: dict[str, Callable[[Networks, UsdShade.Shader], Material]] = {
     "UsdPreviewSurface": read_preview_surface,
     "ND_UsdPreviewSurface_surfaceshader": read_preview_surface,
     "ND_surface": read_surface,
+    "ND_surface_unlit": read_unlit,
     "ND_standard_surface_surfaceshader": read_standard_surface,
     "ND_standard_surface_surfaceshader_100": read_standard_surface,
     "ND_open_pbr_surface_surfaceshader": read_open_pbr_surface,
@@ -87,6 +88,10 @@ class Materials:
         if index not in self._primvars:
             self._primvars[index] = {name for name in _primvar_names(self.materials[index]) if name}
         return self._primvars[index]
+
+    def add(self, material: Material) -> int:
+        """The index of a material that no prim has."""
+        return self._append(material)
 
     def _append(self, material: Material) -> int:
         self.materials.append(material)

@@ -30,7 +30,7 @@ from usdmlt.scene import (
     Translucent,
     UniformEmission,
 )
-from usdmlt.stage.expressions import is_constant, lane
+from usdmlt.stage.expressions import is_constant, lane, multiply, subtract
 from usdmlt.stage.materialx_normals import read_normal
 from usdmlt.stage.networks import Kind, Networks, Unusable, is_zero
 
@@ -261,6 +261,22 @@ CLOSURES: dict[str, Callable[[Graph, UsdShade.Shader], Closure]] = {
 
 # ---------------------------------------------------------------------------------------------
 # Surfaces
+
+
+def read_unlit(networks: Networks, shader: UsdShade.Shader) -> Material:
+    """ND_surface_unlit: only emission; what it transmits is not there."""
+    strength = networks.read(shader, "emission", 1.0, "float")
+    color = networks.read(shader, "emission_color", WHITE, "color")
+    through = networks.read(shader, "transmission", 0.0, "float")
+    if not is_zero(through):
+        networks.report.note(
+            "the transmission of unlit surfaces is part of their opacity", shader.GetPath()
+        )
+    opacity = networks.read(shader, "opacity", 1.0, "float")
+    return Material(
+        UniformEmission(multiply(color, strength)),
+        opacity=multiply(opacity, subtract(1.0, through)),
+    )
 
 
 def read_surface(networks: Networks, shader: UsdShade.Shader) -> Material:

@@ -12,7 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from pxr import UsdLux
+
 from usdmlt.scene import Input, PrimvarInput
+from usdmlt.stage.color import DEFAULT
 from usdmlt.stage.expressions import is_constant, lane, operate, plain
 from usdmlt.stage.networks import Kind, Networks, Source
 
@@ -312,6 +316,13 @@ def _artistic_ior(call: Call) -> Input:
     return operate(f"artistic_{part}", reflectivity, edge)
 
 
+def _blackbody(call: Call) -> Input:
+    """USD's colour of a temperature (as lights have it), of luminance 1; 1000 to 10 000 kelvin."""
+    kelvin = call.number("temperature", 5000.0)
+    rgb = np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
+    return plain(call.networks.colors.change_primaries(rgb, DEFAULT))
+
+
 OPERATIONS: dict[str, Reader] = {
     "constant": lambda call: call.input("value"),
     "dot": lambda call: call.input("in"),
@@ -385,6 +396,7 @@ OPERATIONS: dict[str, Reader] = {
     "texcoord": _texcoord,
     "geomcolor": lambda call: PrimvarInput("displayColor", (1.0, 1.0, 1.0)),
     "artistic_ior": _artistic_ior,
+    "blackbody": _blackbody,
 }
 
 # Nodes whose result is a number where the type in their name is that of the input.
