@@ -50,10 +50,9 @@ WARNINGS = {
     "shaderball.usda": {NO_POINTS: 1},
     "empty.usda": {NO_POINTS: 1},
     "pointsTypes.usda": {NO_POINTS: 8},
+    "DrawModes.usd": {MISSING: 84},  # the pictures on its cards
     "subdiv_loop_quads.usda": {"Loop's scheme is for triangles: other faces are split": 1},
 }
-# Files of which some is not rendered yet.
-UNSUPPORTED = {"DrawModes.usd": {"draw modes are ignored, the geometry is rendered"}}
 
 WIDTH = 24
 
@@ -71,8 +70,6 @@ def test_a_stage_renders_and_warns_of_what_is_listed_or_says_why_not(path):
     assert picture.shape == (scene.height, WIDTH, 4)
     assert np.isfinite(picture).all()
     found = {w.kind: len(w.paths) for w in report.warnings if w.kind != NO_LIGHTS}
-    for kind in UNSUPPORTED.get(path.name, ()):
-        found.pop(kind, None)
     assert found == WARNINGS.get(path.name, {})
 
 

@@ -130,18 +130,6 @@ def test_unsupported_shapes_that_are_not_shown_are_not_mentioned(examine):
     assert not any("Volume" in w.kind for w in found.warnings)
 
 
-def test_draw_modes_of_models_are_warned_of(examine):
-    body = """def Xform "x" (
-        kind = "component"
-        prepend apiSchemas = ["GeomModelAPI"]
-    ) {{ uniform token model:drawMode = "{mode}"
-        def Cube "c" {{}} }}"""
-    found = examine(body.format(mode="bounds"))
-    assert found.meshes == 1
-    assert [w.paths for w in found.warnings if "draw modes" in w.kind] == [["/x"]]
-    assert not any("draw" in w.kind for w in examine(body.format(mode="default")).warnings)
-
-
 def test_a_type_no_schema_knows_is_named(examine):
     found = examine('def FluffyCloud "a" {}\ndef Cube "c" {}')
     assert [w.paths for w in found.warnings if "FluffyCloud" in w.kind] == [["/a"]]

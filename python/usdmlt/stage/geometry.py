@@ -11,6 +11,7 @@ from usdmlt.stage import tessellated
 from usdmlt.stage.color import ColorSpaces
 from usdmlt.stage.detail import Detail
 from usdmlt.stage.displacement import displaced
+from usdmlt.stage.draw_modes import STAND_IN, StandIns
 from usdmlt.stage.gprims import read_gprim
 from usdmlt.stage.materials import Materials, bound_materials
 from usdmlt.stage.meshes import face_materials, read_mesh
@@ -30,6 +31,7 @@ class GeometryReader:
         materials: Materials,
         material_purpose: str,
         skinning: Skinning,
+        stand_ins: StandIns,
         detail: Detail,
         report: Report,
     ):
@@ -38,6 +40,7 @@ class GeometryReader:
         self.materials = materials
         self.material_purpose = material_purpose
         self.skinning = skinning
+        self.stand_ins = stand_ins
         self.detail = detail
         self.report = report
         self._xforms = UsdGeom.XformCache(time)
@@ -58,6 +61,8 @@ class GeometryReader:
     ) -> Mesh | None:
         prim, skin = placed.prim, None
         detail = self.detail.placed(placed.matrix, group.placements.transforms)
+        if placed.kind == STAND_IN:
+            return self._stand_in(placed, detail)
         if placed.kind in tessellated.READERS:
             read = tessellated.READERS[placed.kind](prim, self.time, detail, self.report)
         elif placed.kind == "Mesh" or prim.IsA(UsdGeom.Mesh):
@@ -76,6 +81,14 @@ class GeometryReader:
         self._assign_materials(prim, mesh, topology, material)
         textures = self.materials.networks.textures.textures
         return displaced(mesh, self.materials.materials, textures, self.report)
+
+    def _stand_in(self, placed: Placed, detail: Detail) -> Mesh | None:
+        mesh = self.stand_ins.read(placed.prim, detail)
+        if mesh is not None:
+            mesh.transform = placed.matrix
+            if singular(mesh.transform):
+                raise Error(f"{placed.prim.GetPath()}: the transform is singular")
+        return mesh
 
     def _read_polygons(
         self, prim: Usd.Prim, detail: Detail

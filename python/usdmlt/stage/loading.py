@@ -16,6 +16,7 @@ from usdmlt.stage.cameras import all_cameras, conformed, find_camera, read_camer
 from usdmlt.stage.color import DEFAULT, ColorSpaces
 from usdmlt.stage.data_window import data_window, windowed
 from usdmlt.stage.detail import Detail
+from usdmlt.stage.draw_modes import StandIns
 from usdmlt.stage.flattening import flatten
 from usdmlt.stage.framing import framing_camera, scene_bounds, stage_bounds
 from usdmlt.stage.geometry import GeometryReader
@@ -145,12 +146,13 @@ def _read_content(
     """Geometry, materials, textures and lights; ``camera`` None: the one that frames them all."""
     textures = Textures(time, colors, report)
     materials = Materials(Networks(time, colors, textures, report), report)
-    traversal = Traversal(time, purposes, skinning, report)
+    traversal = Traversal(time, purposes, skinning, report, options.draw_modes)
     instancing = Instancing(stage, traversal, colors, settings.material_purpose, report)
     instancing.collect()
     detail = _detail(stage, time, purposes, options, settings, camera)
+    stand_ins = StandIns(time, purposes, colors, materials, report)
     geometry = GeometryReader(
-        time, colors, materials, settings.material_purpose, skinning, detail, report
+        time, colors, materials, settings.material_purpose, skinning, stand_ins, detail, report
     )
     up_axis = str(UsdGeom.GetStageUpAxis(stage))
     lights = LightReader(time, colors, textures, report, up_axis)

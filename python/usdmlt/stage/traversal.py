@@ -14,6 +14,7 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
 from usdmlt.errors import Report
 from usdmlt.scene import Light, Mesh
 from usdmlt.stage import gprims, lights, tessellated
+from usdmlt.stage.draw_modes import STAND_IN, draw_mode
 from usdmlt.stage.points import alike
 from usdmlt.stage.skinning import Skinning
 
@@ -86,12 +87,18 @@ _ANY_PURPOSE = ("instancer", "skeleton root")
 
 
 class Traversal:
-    """Walks one stage at one time."""
+    """Walks one stage at one time. ``draw_modes``: whether models are drawn as they ask for."""
 
     def __init__(
-        self, time: Usd.TimeCode, purposes: tuple[str, ...], skinning: Skinning, report: Report
+        self,
+        time: Usd.TimeCode,
+        purposes: tuple[str, ...],
+        skinning: Skinning,
+        report: Report,
+        draw_modes: bool = True,
     ):
         self.time = time
+        self.draw_modes = draw_modes
         self.purposes = {"default", *purposes}
         self.skinning = skinning
         self.report = report
@@ -120,11 +127,13 @@ class Traversal:
             if kind.xformable:
                 local, resets = self.xforms.GetLocalTransformation(prim)
                 transform = local * (group.from_world if resets else transform)
+            if self.draw_modes and draw_mode(prim):
+                if purpose in self.purposes:
+                    group.gprims.append(Placed(prim, STAND_IN, transform, purpose))
+                continue
             if prim.IsInstance():
                 group.instances.append(Placed(prim, "", transform, purpose))
                 continue
-            if prim.IsModel() and prim.HasAPI(UsdGeom.ModelAPI):
-                self._warn_of_draw_mode(prim)
             if kind.role and (purpose in self.purposes or kind.role in _ANY_PURPOSE):
                 self._sort(group, prim, kind, transform, purpose)
             if kind.descend:
@@ -147,13 +156,6 @@ class Traversal:
             self.skinning.add_root(prim)
         elif kind.role == "unsupported":
             self.report.warn(f"{kind.name} prims are not rendered", prim.GetPath())
-
-    def _warn_of_draw_mode(self, prim: Usd.Prim) -> None:
-        """Models may ask to be drawn as cards or boxes (UsdGeomModelAPI)."""
-        model = UsdGeom.ModelAPI(prim)
-        applies = model.GetModelApplyDrawModeAttr().Get() or prim.IsComponent()
-        if applies and model.ComputeModelDrawMode() not in ("default", "inherited"):
-            self.report.warn("draw modes are ignored, the geometry is rendered", prim.GetPath())
 
     def _kind(self, prim: Usd.Prim) -> PrimKind:
         name = prim.GetTypeName()
