@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from support.rendering import pictures
+from support.rendering import picture, pictures
 from support.shapes import floor, orthographic
 from support.statistics import sidak
 from usdmlt import scene as s
@@ -89,12 +89,13 @@ def blocked(a: np.ndarray, b: np.ndarray, quad: np.ndarray) -> np.ndarray:
     return (t > 0) & (t < 1) & (u > 0) & (u < 1) & (v > 0) & (v < 1)
 
 
-def expected_picture(scene: s.Scene) -> tuple[np.ndarray, np.ndarray]:
-    """E/π per pixel, and which pixels see only the floor at a distance from edges."""
+def expected_picture(scene: s.Scene, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """E/π per pixel, by ``points`` squared of them, and which pixels see only the floor at a
+    distance from edges."""
     x, y, z = scene.camera.transform[3, :3]
     assert (x, z) == (0, 0)
     left, right, bottom, top = scene.camera.window
-    sub = (np.arange(WIDTH * SUB) + 0.5) / (WIDTH * SUB)
+    sub = (np.arange(WIDTH * points) + 0.5) / (WIDTH * points)
     column, row = np.meshgrid(sub, sub)
     # The camera looks down −y with −z up in the picture.
     px = (left + (right - left) * column) * y
@@ -102,29 +103,36 @@ def expected_picture(scene: s.Scene) -> tuple[np.ndarray, np.ndarray]:
     ground = np.stack([px, 0 * px, pz], -1).reshape(-1, 1, 3)
 
     small = next(mesh for mesh in scene.meshes if "angled" in mesh.name)
-    points = small.points @ small.transform[:3, :3] + small.transform[3, :3]
-    corner = points[np.argmin(points @ (1, 10, 0))]
-    eu = points[np.argmax(points @ (10, -1, 0))] - corner
-    ev = points[np.argmax(points @ (-1, 10, 0))] - corner
+    corners = small.points @ small.transform[:3, :3] + small.transform[3, :3]
+    corner = corners[np.argmin(corners @ (1, 10, 0))]
+    eu = corners[np.argmax(corners @ (10, -1, 0))] - corner
+    ev = corners[np.argmax(corners @ (-1, 10, 0))] - corner
 
     light = scene.lights[0]
     p, n, area = light_points(light)
-    d = ground - p
-    r2 = (d * d).sum(-1)
-    w = d / np.sqrt(r2)[..., None]
-    cosines = np.maximum((w * n).sum(-1), 0) * np.maximum(-w[..., 1], 0)
-    visible = ~blocked(np.broadcast_to(p, d.shape), np.broadcast_to(ground, d.shape),
-                       np.array([corner, eu, ev]))  # fmt: skip
-    weight = cosines / r2 * area * visible
-    e = (shaped(light, w) * weight[..., None]).sum(1) / math.pi
-    e = e.reshape(WIDTH, SUB, WIDTH, SUB, 3)
-    picture = e.mean((1, 3))
-    smooth = np.ptp(e, axis=(1, 3)).max(-1) < 0.5 * picture.max(-1)  # no edge of a shadow or cone
+    quad = np.array([corner, eu, ev])
+
+    def at(ground: np.ndarray) -> np.ndarray:
+        d = ground - p
+        r2 = (d * d).sum(-1)
+        w = d / np.sqrt(r2)[..., None]
+        cosines = np.maximum((w * n).sum(-1), 0) * np.maximum(-w[..., 1], 0)
+        visible = ~blocked(np.broadcast_to(p, d.shape), np.broadcast_to(ground, d.shape), quad)
+        weight = cosines / r2 * area * visible
+        return (shaped(light, w) * weight[..., None]).sum(1) / math.pi
+
+    e = np.concatenate([at(part) for part in np.array_split(ground, WIDTH * points)])
+    e = e.reshape(WIDTH, points, WIDTH, points, 3)
+    mean = e.mean((1, 3))
+    smooth = np.ptp(e, axis=(1, 3)).max(-1) < 0.5 * mean.max(-1)  # no edge of a shadow or cone
     seen = (np.abs(px) < 4.5) & (np.abs(pz) < 4.5) & ((np.abs(px) > 1.3) | (pz > 1.9) | (pz < -1.9))
-    return picture, seen.reshape(WIDTH, SUB, WIDTH, SUB).all((1, 3)) & smooth
+    return mean, seen.reshape(WIDTH, points, WIDTH, points).all((1, 3)) & smooth
 
 
 QUICK = (1, 8, 12, 17, 33, 43)
+# The light is close to the floor there, or its cone soft or narrow: few pixels are lit, by fine
+# detail. What is in the very middle is not looked at: of frame 25's cone nothing is left.
+FINE = (21, 22, 23, 24, 25, 29, 30)
 FRAMES = [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in range(1, 56)]
 
 
@@ -136,9 +144,13 @@ def test_the_floor_is_lit_as_the_integral_says(name: str, frame: int) -> None:
     scene = load(FOLDER / f"{name}.usda", frame=frame, width=WIDTH)
     assert scene.height == WIDTH
     scene.materials = [s.Material(s.Diffuse((1.0, 1.0, 1.0)))] * len(scene.materials)
-    expected, open_floor = expected_picture(scene)
+    expected, open_floor = expected_picture(scene, 6 if frame in FINE else SUB)
     lit = open_floor & (expected.max(-1) > 1e-3 * expected.max())
-    assert lit.sum() > 40
+    if frame == 25 and not lit.any():
+        dark = picture(scene, "path", samples=64, depth=2)[open_floor]
+        assert (dark == 0).all()
+        return
+    assert lit.sum() > (1 if frame in FINE else 40)
     got = pictures(scene, "path", SEEDS, samples=64, depth=2)[:, lit]
     mean, error = got.mean(0), got.std(0, ddof=1) / math.sqrt(SEEDS)
     # The midpoint rule's own error: it shrinks with the square of the grid.
