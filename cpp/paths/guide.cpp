@@ -18,7 +18,9 @@ constexpr float least_angle = 0.005f;
 // Of the walks that look for where photons are needed.
 constexpr uint32_t eye_subpaths = 4096;
 constexpr float coarse_cells = 24;  // across what they see
-constexpr int longest_chain = 8;    // Dirac vertices of a photon
+constexpr int longest_chain = 8;    // narrow vertices of a photon
+// Scattering of a higher density than this is narrow, as Dirac components are: a cosine's is 0.3.
+constexpr float narrow_density = 3;
 // How far from a successful start others are tried, in the unit square.
 constexpr float start_radius = 0.02f;
 
@@ -29,6 +31,10 @@ float extent_of(const std::vector<Vec3f>& points) {
         upper = max(upper, p);
     }
     return std::max(length(upper - lower), 1e-20f);
+}
+
+bool is_narrow(Component component, float pdf) {
+    return component != non_delta || pdf > narrow_density;
 }
 
 // L S+ D. False where the walk goes another way.
@@ -49,18 +55,26 @@ bool trace_photon(const Scene& scene, float select, Vec2f u_point, Vec2f u_direc
         const Vec2f u = random.next_2d();
         const bool scatters =
             v.closure.sample(-ray.direction, Known::light, random.next_1d(), u, sample);
-        if (i > 0 && v.can_connect() && !(scatters && sample.component != non_delta)) {
+        const bool narrow = scatters && is_narrow(sample.component, sample.pdf);
+        if (i > 0 && v.can_connect() && !narrow) {
             photon = {v.position, -ray.direction};
             return true;
         }
-        if (!scatters || sample.component == non_delta || i == longest_chain) return false;
+        if (!narrow || i == longest_chain) return false;
         ray = {offset_origin(v, sample.direction), 0, sample.direction, infinite_distance};
     }
 }
 
+// Whether the walk from the eye leaves vertex i so.
+bool leaves_narrowly(const Subpath& path, int i) {
+    const SubpathVertex& v = path[i];
+    const Vec3f to_next = normalize(path[i + 1].position - v.position);
+    return is_narrow(v.component, v.closure.pdf(v.to_previous, to_next, Known::eye));
+}
+
 // Cones are narrow where directions are many: clusters and stray directions may share a cell.
 void set_cones(DirectionGuide& cell) {
-    for (int i = 0; i < DirectionGuide::capacity; ++i) {
+    for (int i = 0; i < cell.count; ++i) {
         float squared[DirectionGuide::capacity];
         for (int j = 0; j < cell.count; ++j)
             squared[j] = sqr(cell.x[i] - cell.x[j]) + sqr(cell.y[i] - cell.y[j]) +
@@ -68,9 +82,7 @@ void set_cones(DirectionGuide& cell) {
         // Rank 0 is the direction itself.
         const int rank = std::min(neighbour, cell.count - 1);
         std::nth_element(squared, squared + rank, squared + cell.count);
-        cell.one_minus_cos[i] =
-            i < cell.count ? std::min((squared[rank] + sqr(least_angle)) / 2, 1.0f) : 0.0f;
-        cell.density[i] = i < cell.count ? 1 / (2 * pi * cell.one_minus_cos[i]) : 0.0f;
+        cell.set_cone(i, std::min((squared[rank] + sqr(least_angle)) / 2, 1.0f));
     }
 }
 
@@ -91,7 +103,7 @@ std::vector<Photon> trace_photons(const Scene& scene, uint64_t key, int wanted,
                              {u.x * float(scene.camera.width), u.y * float(scene.camera.height)},
                              longest_chain + 2, counters, path);
         for (int i = 2; i < path.count; ++i)
-            if (path[i - 1].component != non_delta && path[i].is_surface() && path[i].can_connect())
+            if (path[i].is_surface() && path[i].can_connect() && leaves_narrowly(path, i - 1))
                 seen.push_back(path[i].position);
     }
     if (seen.empty()) return photons;
@@ -142,10 +154,12 @@ Guide::Guide(const std::vector<Photon>& photons) {
     for (const Photon& p : photons) positions.push_back(p.position);
     // The finest grid whose cells hold enough photons.
     const float extent = extent_of(positions);
+    float cell_size = extent;
     std::vector<std::pair<uint64_t, uint32_t>> order(photons.size());
     for (float cells = 512; cells >= 2; cells /= 1.5f) {
-        grid_ = Grid(extent / cells);
-        for (uint32_t i = 0; i < photons.size(); ++i) order[i] = {grid_.key_of(positions[i]), i};
+        cell_size = extent / cells;
+        const Grid grid(cell_size);
+        for (uint32_t i = 0; i < photons.size(); ++i) order[i] = {grid.key_of(positions[i]), i};
         std::sort(order.begin(), order.end());
         size_t occupied = 0;
         for (size_t i = 0; i < order.size(); ++i)
@@ -153,6 +167,19 @@ Guide::Guide(const std::vector<Photon>& photons) {
         if (photons.size() >= wanted_in_cell * occupied) break;
     }
 
+    for (Level& level : levels_) {
+        level.grid = Grid(cell_size);
+        cell_size *= coarser;
+        for (uint32_t i = 0; i < photons.size(); ++i)
+            order[i] = {level.grid.key_of(positions[i]), i};
+        std::sort(order.begin(), order.end());
+        add_cells(photons, order, level);
+    }
+}
+
+void Guide::add_cells(const std::vector<Photon>& photons,
+                      const std::vector<std::pair<uint64_t, uint32_t>>& order, Level& level) {
+    const size_t before = cells_.size();
     std::vector<uint64_t> keys;
     for (size_t first = 0, last; first < order.size(); first = last) {
         last = first;
@@ -173,12 +200,12 @@ Guide::Guide(const std::vector<Photon>& photons) {
         keys.push_back(order[first].first);
         cells_.push_back(cell);
     }
-    mask_ = std::bit_ceil(2 * cells_.size() + 1) - 1;
-    table_.resize(mask_ + 1);
-    for (uint32_t c = 0; c < cells_.size(); ++c) {
-        size_t i = mix64(keys[c]) & mask_;
-        while (table_[i].key != 0) i = (i + 1) & mask_;
-        table_[i] = {keys[c], c};
+    level.mask = std::bit_ceil(2 * keys.size() + 1) - 1;
+    level.table.resize(level.mask + 1);
+    for (size_t c = 0; c < keys.size(); ++c) {
+        size_t i = mix64(keys[c]) & level.mask;
+        while (level.table[i].key != 0) i = (i + 1) & level.mask;
+        level.table[i] = {keys[c], static_cast<uint32_t>(before + c)};
     }
 }
 

@@ -7,6 +7,7 @@
 // function of position from then on, so that densities which include it are exact.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -49,11 +50,14 @@ public:
     // Null where no such light was seen.
     const DirectionGuide* at(Vec3f position) const {
         if (cells_.empty()) return nullptr;
-        const uint64_t key = grid_.key_of(position);
-        for (size_t i = mix64(key) & mask_;; i = (i + 1) & mask_) {
-            if (table_[i].key == key) return &cells_[table_[i].cell];
-            if (table_[i].key == 0) return nullptr;
+        for (const Level& level : levels_) {
+            const uint64_t key = level.grid.key_of(position);
+            for (size_t i = mix64(key) & level.mask;; i = (i + 1) & level.mask) {
+                if (level.table[i].key == key) return &cells_[level.table[i].cell];
+                if (level.table[i].key == 0) break;
+            }
         }
+        return nullptr;
     }
 
 private:
@@ -62,9 +66,18 @@ private:
         uint32_t cell = 0;
     };
 
-    Grid grid_;
-    size_t mask_ = 0;
-    std::vector<Slot> table_;
+    // Coarser ones serve where the finest has too few photons.
+    struct Level {
+        Grid grid;
+        size_t mask = 0;
+        std::vector<Slot> table;
+    };
+    static constexpr float coarser = 3;
+
+    void add_cells(const std::vector<Photon>& photons,
+                   const std::vector<std::pair<uint64_t, uint32_t>>& order, Level& level);
+
+    std::array<Level, 3> levels_;
     std::vector<DirectionGuide> cells_;
 };
 
