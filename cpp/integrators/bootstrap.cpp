@@ -41,27 +41,60 @@ double target_of(const Spectrum& value) {
     return sum;
 }
 
+uint64_t class_of(const StrategySample& sample) {
+    return usdmlt::class_of(sample.edges(), [&](int i) {
+        if (i == sample.s - 1 || i == sample.s) return false;
+        const SubpathVertex& v = i < sample.s ? sample.light[i] : sample.camera[sample.edges() - i];
+        return v.component != non_delta;
+    });
+}
+
 // Weights, of all strategies of one sample.
 struct EntrySink {
     const RasterDomain& domain;
     const ImportanceMap& importance;
+    const Split& split;
     std::vector<BootstrapEntry>& entries;
-    uint32_t index = 0;
+    uint32_t number = 0, pass = 0;
     Vec2f raster, splat;
     double sum = 0;
+
+    // What the split leaves; null: it is lost.
+    const PathRecorder* recorder = nullptr;
+    double splat_scale = 1;
+    bool in_image = true;
+    RandomStream random{0};
+    Spectrum camera;
 
     bool place(Vec2f p, Sampler&) {
         splat = p;
         return domain.contains(p);
     }
     void add(const StrategySample& sample) {
-        const Vec2f p = sample.t == 1 ? splat : raster;
-        const double v = target_of(sample.value) * importance.weight(p) /
-                         (sample.t == 1 ? 1 : domain.density_scale());
-        if (!(v > 0) || !std::isfinite(v)) return;
+        const bool splats = sample.t == 1;
+        const Vec2f p = splats ? splat : raster;
+        const double f = target_of(sample.value) * importance.weight(p);
+        if (!(f > 0) || !std::isfinite(f)) return;
+        // Camera samples are one per pixel of the image, light subpaths one per sample, of which
+        // some are of the margin.
+        const double scale = splats ? domain.density_scale() : 1;
+        // value = w f/p_{s,t} and w = p_{s,t}²/Σp².
+        const double of_chains = split.of_chains(f * f / sample.weight);
+        if (recorder) record(sample, sample.value * static_cast<float>((1 - of_chains) * scale));
+        const double v = f * of_chains * scale;
+        if (!(v > 0)) return;
         sum += v;
-        entries.push_back({sort_key(sample, domain, p), v, index, static_cast<uint16_t>(sample.s),
-                           static_cast<uint16_t>(sample.t)});
+        entries.push_back({sort_key(sample, domain, p), v, number, pass,
+                           static_cast<uint16_t>(sample.s), static_cast<uint16_t>(sample.t)});
+    }
+    void record(const StrategySample& sample, const Spectrum& value) {
+        if (sample.t == 1) {
+            recorder->splat(splat, value * static_cast<float>(splat_scale), class_of(sample),
+                            random);
+        } else if (in_image) {
+            camera += value;
+            recorder->classes->add(class_of(sample), luminance(value) * splat_scale);
+        }
     }
 };
 
@@ -94,34 +127,69 @@ struct PathSink {
 }  // namespace
 
 Bootstrap::Bootstrap(const Scene& scene, const Settings& settings, MutationContext& context,
-                     const ImportanceMap& importance)
+                     const ImportanceMap& importance, const Split& split)
     : scene_(scene),
       settings_(settings),
       context_(context),
       importance_(importance),
+      split_(split),
+      pixels_(scene.camera.width / settings.reduction, scene.camera.height / settings.reduction,
+              settings.filter, settings.reduction),
       scratch_(settings.depth) {}
 
 template <typename Sink>
-void Bootstrap::sample(uint32_t index, Sink& sink, UnitStatistics& statistics, Vec2f& raster) {
-    Sampler camera_sampler(key_, index, stratified_pairs);
-    Sampler light_sampler(hash_key(key_, 1), index, stratified_pairs);
-    raster = context_.domain.sample(camera_sampler.next_2d());
+bool Bootstrap::sample(uint32_t number, uint32_t pass, Sink& sink, UnitStatistics& statistics) {
+    const uint64_t key = by_pixel_ ? hash_key(key_, number) : key_;
+    const uint32_t index = by_pixel_ ? pass : number;
+    Sampler camera_sampler(key, index, stratified_pairs);
+    Sampler light_sampler(hash_key(key, 1), index, stratified_pairs);
+    const Vec2f u = camera_sampler.next_2d();
+    if (by_pixel_) {
+        const PixelSubset::Place place = pixels_.place(number, pass);
+        sink.raster = (Vec2f{float(place.x), float(place.y)} + u) * float(settings_.reduction);
+        if (settings_.filter.kind != PixelFilter::Kind::box)
+            sink.raster = sink.raster + settings_.filter.offset(camera_sampler.next_2d());
+        if (!context_.domain.contains(sink.raster)) return false;
+    } else {
+        sink.raster = context_.domain.sample(u);
+    }
     StrategySampler(scene_, settings_, scratch_, statistics, sink)
-        .sample(camera_sampler, light_sampler, raster);
+        .sample(camera_sampler, light_sampler, sink.raster);
+    return true;
 }
 
 double Bootstrap::draw(uint64_t key, uint32_t count, UnitStatistics& statistics) {
-    key_ = key;
-    entries_.clear();
-    total_ = 0;
-    EntrySink sink{context_.domain, importance_, entries_, 0, {}, {}, 0};
+    begin_pixels(key);
+    by_pixel_ = false;
+    EntrySink sink{context_.domain, importance_, split_, entries_};
     for (uint32_t i = 0; i < count; ++i) {
-        sink.index = i;
+        sink.number = i;
         sink.sum = 0;
-        sample(i, sink, statistics, sink.raster);
+        sample(i, 0, sink, statistics);
         total_ += sink.sum;
     }
-    return total_ / count;
+    return total_ / (count * context_.domain.density_scale());
+}
+
+void Bootstrap::begin_pixels(uint64_t key) {
+    key_ = key;
+    by_pixel_ = true;
+    entries_.clear();
+    total_ = 0;
+}
+
+CameraSample Bootstrap::add_pixel(const PixelSubset::Place& place, const PathRecorder& recorder,
+                                  double splat_scale, UnitStatistics& statistics) {
+    EntrySink sink{context_.domain, importance_, split_, entries_};
+    sink.number = place.pixel;
+    sink.pass = place.pass;
+    sink.in_image = place.in_image;
+    sink.recorder = &recorder;
+    sink.splat_scale = splat_scale;
+    sink.random = RandomStream(hash_key(hash_key(key_, 2 + uint64_t(place.pass)), place.pixel));
+    if (!sample(place.pixel, place.pass, sink, statistics)) return {};
+    total_ += sink.sum;
+    return {sink.camera, scratch_.camera.count > 1 && scratch_.camera[1].is_surface()};
 }
 
 void Bootstrap::choose_starts(int count, double u, std::vector<size_t>& starts) {
@@ -142,10 +210,10 @@ void Bootstrap::choose_starts(int count, double u, std::vector<size_t>& starts) 
 bool Bootstrap::restore(const BootstrapEntry& entry, PathTarget& target, PathState& state,
                         UnitStatistics& statistics) {
     PathSink sink{context_.domain, entry.s, entry.t, state.path, context_.arena, {}, {}, false};
-    sample(entry.sample, sink, statistics, sink.raster);
+    sample(entry.sample, entry.pass, sink, statistics);
     if (!sink.found) return false;
     const int k = state.path.edges();
-    if (update_scattering(scene_, state.path, 0, k) && target.evaluate(state)) return true;
+    if (update_scattering(scene_, state.path, 0, k) && target.evaluate(state, 0, k)) return true;
     context_.arena.give_all(state.path);
     return false;
 }

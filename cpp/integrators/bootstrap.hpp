@@ -1,5 +1,6 @@
 // Bootstrap of Metropolis light transport: samples of bidirectional path tracing whose entries
 // (sample, s, t) estimate b = ∫ f* and are the paths that chains start from (Veach 1997, §11.3.1).
+// What the split leaves to bidirectional path tracing is recorded by the same samples.
 //
 // The weight of an entry is v = w_{s,t} f*/p_{s,t}; its path is made again from the sample's number
 // when a chain starts there. Starts are drawn ∝ v, systematically over the entries sorted by class
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "integrators/path_target.hpp"
+#include "integrators/pixel_subset.hpp"
 #include "integrators/strategies.hpp"
 
 namespace usdmlt {
@@ -16,18 +18,33 @@ namespace usdmlt {
 struct BootstrapEntry {
     uint64_t key;  // order: edges, class, position in the image along a Morton curve
     double weight;
-    uint32_t sample;
+    uint32_t sample, pass;  // pass: 0 where a sample is not a pixel's
     uint16_t s, t;
+};
+
+// A camera sample's part of the picture.
+struct CameraSample {
+    Spectrum value;
+    bool covered = false;  // the camera's ray met a surface
 };
 
 class Bootstrap {
 public:
     // `settings`: depth and min_edges bound the paths.
     Bootstrap(const Scene& scene, const Settings& settings, MutationContext& context,
-              const ImportanceMap& importance);
+              const ImportanceMap& importance, const Split& split);
 
-    // Draws `count` samples of the stream `key`; returns b's estimate. 0: no light was found.
+    // Draws `count` samples of the stream `key` over the raster domain; returns b's estimate. 0: no
+    // light was found.
     double draw(uint64_t key, uint32_t count, UnitStatistics& statistics);
+
+    // The same by samples of pixels, one after the other: paths that end on the lens are recorded
+    // times `splat_scale`, those of the camera's walk are returned.
+    void begin_pixels(uint64_t key);
+    CameraSample add_pixel(const PixelSubset::Place& place, const PathRecorder& recorder,
+                           double splat_scale, UnitStatistics& statistics);
+    // Of all that were added: Σ v.
+    double total() const { return total_; }
 
     const std::vector<BootstrapEntry>& entries() const { return entries_; }
 
@@ -40,16 +57,20 @@ public:
                  UnitStatistics& statistics);
 
 private:
+    // False where the filter takes the raster point out of the domain.
     template <typename Sink>
-    void sample(uint32_t index, Sink& sink, UnitStatistics& statistics, Vec2f& raster);
+    bool sample(uint32_t number, uint32_t pass, Sink& sink, UnitStatistics& statistics);
 
     const Scene& scene_;
     const Settings& settings_;
     MutationContext& context_;
     const ImportanceMap& importance_;
+    const Split& split_;
+    PixelSubset pixels_;
     StrategyScratch scratch_;
     Path path_;  // scratch
     uint64_t key_ = 0;
+    bool by_pixel_ = false;
     double total_ = 0;
     std::vector<BootstrapEntry> entries_;
 };

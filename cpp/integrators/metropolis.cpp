@@ -5,16 +5,22 @@
 namespace usdmlt {
 namespace {
 
-// Mutations of a unit: few enough to last a fraction of a second, some per pixel of small images.
-constexpr int least_mutations = 1 << 13, most_mutations = 1 << 17, mutations_per_pixel = 4;
+// Of a unit, in mutations: few enough to last a fraction of a second, some per pixel of small
+// images.
+constexpr double least_work = 0x1p13, most_work = 0x1p17, work_per_pixel = 4;
 constexpr int steps_per_chain = 128;
-// Camera samples of the part that is path traced, per mutation.
+// Camera samples of light that is path traced alone, per mutation.
 constexpr double direct_samples_per_mutation = 1.0 / 4;
+constexpr int direct_stratified_pairs = 11;
 
-constexpr double bootstrap_share = 0.25;  // of the rays of bootstrap and chains
+// Shares of a unit's work: the mean of the picture hangs on the bootstrap, b.
+constexpr double bootstrap_share = 0.25, least_share_of_chains = 0.1;
+// Time of a ray of bidirectional samples, many of which are shadow rays, in those of a mutation;
+// measured.
+constexpr double cost_of_sample_rays = 0.55;
 // A reduced render is a pilot itself.
 uint32_t pilot_samples_of(const Settings& settings) { return settings.reduction > 1 ? 1024 : 4096; }
-constexpr int pilot_steps = 64, trial_steps = 8;  // of as many chains as a unit has
+constexpr int pilot_steps = 64;  // of as many chains as a unit has
 constexpr double photons_per_pixel = 2, least_photons = 0x1p12, most_photons = 0x1p17;
 constexpr double uniform_strategies = 0.1;
 
@@ -34,7 +40,10 @@ void run_chains(MetropolisScratch& scratch, int chains, int steps, uint64_t key)
     RandomStream offset(hash_key(key, 1));
     scratch.bootstrap.choose_starts(chains, offset.next_double(), scratch.starts);
     context.unit_key = hash_key(key, 2);
-    for (int c = 0; c < chains; ++c) {
+    for (int c = 0, next; c < chains; c = next) {
+        // Of a heavy entry one long chain, which gets farther than many short ones.
+        next = c + 1;
+        while (next < chains && scratch.starts[size_t(next)] == scratch.starts[size_t(c)]) ++next;
         const BootstrapEntry& start = scratch.bootstrap.entries()[scratch.starts[size_t(c)]];
         if (!scratch.bootstrap.restore(start, scratch.target, scratch.x,
                                        scratch.statistics.bootstrap))
@@ -42,8 +51,8 @@ void run_chains(MetropolisScratch& scratch, int chains, int steps, uint64_t key)
         context.random = RandomStream(hash_key(hash_key(key, 3), uint64_t(c)));
         context.chain = static_cast<uint32_t>(c);
         context.lens_proposals = 0;
-        run_chain(scratch.target, scratch.selection, scratch.x, scratch.y, steps, context.random,
-                  scratch.statistics.chains);
+        run_chain(scratch.target, scratch.selection, scratch.x, scratch.y, (next - c) * steps,
+                  context.random, scratch.statistics.chains);
         context.arena.give_all(scratch.x.path);
     }
     scratch.statistics.chains.finish();
@@ -87,26 +96,6 @@ uint64_t add_direct_light(const Scene& scene, const MetropolisPlan& plan, uint64
     return rays_of(statistics.rays);
 }
 
-// Whether path tracing finds direct light too seldom: at few places, or nowhere. A small hole is
-// like that; what is seen or lit as usual is found almost everywhere.
-bool direct_light_is_rare(const Scene& scene, const Settings& settings) {
-    constexpr uint32_t places = 4096, fewest = places / 64;
-    Settings direct = settings;
-    direct.depth = std::min(settings.depth, 2);
-    direct.min_edges = 1;
-    PathTracerScratch scratch;
-    UnitStatistics statistics(direct.depth);
-    uint32_t lit = 0;
-    for (uint32_t i = 0; i < places; ++i) {
-        Sampler sampler(unit_key(settings, 1, 6), i, 8);
-        const Vec2f u = sampler.next_2d();
-        const Vec2f raster{u.x * float(scene.camera.width), u.y * float(scene.camera.height)};
-        float alpha;
-        lit += !is_black(trace_path(scene, direct, sampler, raster, scratch, statistics, alpha));
-    }
-    return lit < fewest;
-}
-
 std::shared_ptr<const Guide> make_guide(const Scene& scene, const Settings& settings, double pixels,
                                         RayCounters& rays) {
     const int subpaths =
@@ -119,39 +108,32 @@ std::shared_ptr<const Guide> make_guide(const Scene& scene, const Settings& sett
 }  // namespace
 
 MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
-    : direct_separately(settings.direct_separately &&
-                        !(settings.direct_by_pilot && direct_light_is_rare(scene, settings))),
-      paths(settings),
+    : paths(settings),
       direct(settings),
       domain(scene.camera.width, scene.camera.height, settings.filter.reach()),
       mutation_weights(settings.mutation_weights.empty() ? default_weights
-                                                         : settings.mutation_weights) {
-    if (direct_separately) {
+                                                         : settings.mutation_weights),
+      pixels(scene.camera.width / settings.reduction, scene.camera.height / settings.reduction,
+             settings.filter, settings.reduction) {
+    if (settings.direct_separately) {
         paths.min_edges = std::max(settings.min_edges, 3);
         direct.depth = std::min(settings.depth, 2);
-    } else {
-        // The path tracer sees what the camera covers, and records no light.
-        direct.depth = 1;
-        direct.min_edges = 2;
+        direct_samples = 1;
     }
-    const Tiles tiles(scene.camera.width / settings.reduction,
-                      scene.camera.height / settings.reduction);
-    const double pixels = double(tiles.width) * tiles.height;
-    const int mutations = static_cast<int>(
-        std::clamp(pixels * mutations_per_pixel, double(least_mutations), double(most_mutations)));
+    image_pixels = double(scene.camera.width / settings.reduction) *
+                   (scene.camera.height / settings.reduction);
+    work = std::clamp(image_pixels * work_per_pixel, least_work, most_work);
     steps = steps_per_chain;
-    chains = mutations / steps;
-    direct_tiles =
-        std::max(1, static_cast<int>(std::lround(mutations * direct_samples_per_mutation *
-                                                 double(tiles.count()) / pixels)));
+    chains = static_cast<int>(work) / steps;
+    pixels.set_samples(work * direct_samples_per_mutation);
     if (!has_chains()) return;
 
     RayCounters photon_rays;
-    guide = make_guide(scene, settings, pixels, photon_rays);
+    guide = make_guide(scene, settings, image_pixels, photon_rays);
     pilot_rays = rays_of(photon_rays);
     const uint32_t pilot_samples = pilot_samples_of(settings);
-    bootstrap_samples = pilot_samples;
     strategies = strategy_table(paths, {});
+    double sample_cost = 1, share = 0.5;
     {
         // The first stage: a coarse picture by chains of the plain target, and of the rest.
         MetropolisScratch scratch(scene, *this);
@@ -161,37 +143,48 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
                                                 scratch.statistics.bootstrap);
         if (b > 0) run_chains(scratch, chains, pilot_steps, unit_key(settings, 1, 2));
         CoarsePicture& picture = notes.picture;
-        picture.scale(b * CoarsePicture::count / (double(chains) * pilot_steps));
-        pilot_rays +=
-            rays_of(scratch.statistics.bootstrap.rays) + rays_of(scratch.context.rays) +
-            add_direct_light(scene, *this, unit_key(settings, 1, 5), scratch.path, picture);
+        const double pilot_mutations = double(chains) * pilot_steps;
+        picture.scale(b * CoarsePicture::count / pilot_mutations);
+        const uint64_t sample_rays = rays_of(scratch.statistics.bootstrap.rays),
+                       mutation_rays = rays_of(scratch.context.rays);
+        pilot_rays += sample_rays + mutation_rays;
+        if (settings.direct_separately)
+            pilot_rays +=
+                add_direct_light(scene, *this, unit_key(settings, 1, 5), scratch.path, picture);
         others = notes.errors(b, picture);
         if (settings.two_stage) importance = ImportanceMap(picture);
-    }
 
-    // What a unit costs, and which strategies find the light.
+        if (sample_rays > 0 && mutation_rays > 0)
+            sample_cost = cost_of_sample_rays * (double(sample_rays) / pilot_samples) /
+                          (double(mutation_rays) / pilot_mutations);
+        share = bootstrap_share;
+        if (settings.selective) {
+            const PilotNotes::Plan plan = notes.plan_split(b, picture, importance, sample_cost);
+            split = plan.split;
+            relative_error = plan.relative_error;
+            share = std::clamp(plan.share, bootstrap_share, 1 - least_share_of_chains);
+        }
+    }
+    pixels.set_samples(work * share / sample_cost);
+    const double samples = pixels.samples_per_pixel() * image_pixels;
+    chains = std::max(
+        1, static_cast<int>(std::lround(samples * sample_cost * (1 - share) / (share * steps))));
+    work = double(mutations_per_unit()) + samples * sample_cost;
+    if (settings.direct_separately)
+        direct_samples = std::max(
+            1, static_cast<int>(std::lround(work * direct_samples_per_mutation / samples)));
+
+    // Which strategies find the light that is left to the chains.
     MetropolisScratch scratch(scene, *this);
-    if (!(scratch.bootstrap.draw(unit_key(settings, 1, 3), pilot_samples,
-                                 scratch.statistics.bootstrap) > 0))
-        return;
+    scratch.bootstrap.draw(unit_key(settings, 1, 3), pilot_samples, scratch.statistics.bootstrap);
+    pilot_rays += rays_of(scratch.statistics.bootstrap.rays);
     strategies = strategy_table(paths, scratch.bootstrap.entries());
-    scratch.context.strategies = strategies;
-    const double rays_per_sample =
-        double(rays_of(scratch.statistics.bootstrap.rays)) / pilot_samples;
-    run_chains(scratch, chains, trial_steps, unit_key(settings, 1, 4));
-    const double rays_per_mutation =
-        double(rays_of(scratch.context.rays)) / (double(chains) * trial_steps);
-    pilot_rays += rays_of(scratch.statistics.bootstrap.rays) + rays_of(scratch.context.rays);
-    const double count = bootstrap_share / (1 - bootstrap_share) * double(mutations_per_unit()) *
-                         rays_per_mutation / rays_per_sample;
-    bootstrap_samples =
-        static_cast<uint32_t>(std::clamp(count, double(chains), double(mutations_per_unit())));
 }
 
 MetropolisScratch::MetropolisScratch(const Scene& scene, const MetropolisPlan& plan)
     : context(scene, plan.domain, plan.paths.min_edges, plan.paths.depth),
-      bootstrap(scene, plan.paths, context, plan.importance),
-      target(context, plan.importance, plan.paths.background),
+      bootstrap(scene, plan.paths, context, plan.importance, plan.split),
+      target(context, plan.importance, plan.split, plan.paths.background),
       selection(plan.mutation_weights),
       statistics(plan.paths.depth) {
     context.strategies = plan.strategies;
@@ -203,32 +196,73 @@ MetropolisScratch::MetropolisScratch(const Scene& scene, const MetropolisPlan& p
     target.enable(enabled);
 }
 
-void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, const Tiles& tiles,
-                            int64_t index, MetropolisScratch& scratch, Film& film,
-                            UnitStatistics& statistics) {
-    for (int i = 0; i < plan.direct_tiles; ++i)
-        render_path_unit(scene, plan.direct, tiles, index * plan.direct_tiles + i, scratch.path,
-                         film, statistics);
+namespace {
+
+// The path traced part of a pixel, added to value and alpha.
+void add_direct_light(const Scene& scene, const MetropolisPlan& plan,
+                      const PixelSubset::Place& place, PathTracerScratch& scratch,
+                      UnitStatistics& statistics, double sum[4]) {
+    const PixelFilter& filter = plan.direct.filter;
+    const uint64_t key = hash_key(unit_key(plan.direct, 2, 0), place.pixel);
+    for (int i = 0; i < plan.direct_samples; ++i) {
+        Sampler sampler(key, place.pass * uint32_t(plan.direct_samples) + uint32_t(i),
+                        direct_stratified_pairs);
+        const Vec2f jitter = sampler.next_2d();
+        Vec2f raster =
+            (Vec2f{float(place.x), float(place.y)} + jitter) * float(plan.direct.reduction);
+        if (filter.kind != PixelFilter::Kind::box)
+            raster = raster + filter.offset(sampler.next_2d());
+        float alpha;
+        const Spectrum value =
+            trace_path(scene, plan.direct, sampler, raster, scratch, statistics, alpha);
+        for (int c = 0; c < 3; ++c) sum[c] += value[c] / plan.direct_samples;
+        if (!plan.has_chains()) sum[3] += alpha / plan.direct_samples;
+    }
+    statistics.samples += uint64_t(plan.direct_samples);
+}
+
+}  // namespace
+
+void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int64_t index,
+                            MetropolisScratch& scratch, Film& film, UnitStatistics& statistics) {
     MetropolisUnitStatistics& counts = scratch.statistics;
     counts.reset();
-    if (!plan.has_chains()) return;
     RayCounters& rays = scratch.context.rays;
     rays.closest = rays.shadow = 0;
     rays.recorder = counts.bootstrap.rays.recorder = statistics.rays.recorder;
-
-    const uint64_t key = unit_key(plan.paths, 0, uint64_t(index));
+    scratch.target.recorder = {.pilot = nullptr,
+                               .film = &film,
+                               .filter = &plan.paths.filter,
+                               .reduction = float(plan.paths.reduction),
+                               .classes = &counts.classes,
+                               .scale = 0,
+                               .batch = static_cast<int>(index % Film::batches)};
     const uint64_t non_finite = scratch.target.non_finite();
-    counts.bootstrap_samples = plan.bootstrap_samples;
-    counts.b = scratch.bootstrap.draw(hash_key(key, 0), plan.bootstrap_samples, counts.bootstrap);
-    if (counts.b > 0) {
-        scratch.target.recorder = {.pilot = nullptr,
-                                   .film = &film,
-                                   .filter = &plan.paths.filter,
-                                   .reduction = float(plan.paths.reduction),
-                                   .classes = &counts.classes,
-                                   .scale = counts.b,
-                                   .batch = static_cast<int>(index % Film::batches)};
-        run_chains(scratch, plan.chains, plan.steps, key);
+
+    // Camera samples; splats of the film are normalised by the number of mutations.
+    const double samples = plan.pixels.samples_per_pixel() * plan.image_pixels;
+    const double splat_scale = double(plan.mutations_per_unit()) / samples;
+    scratch.bootstrap.begin_pixels(unit_key(plan.paths, 3, 0));
+    plan.pixels.for_each(index, unit_key(plan.paths, 4, 0), [&](const PixelSubset::Place& place) {
+        double sum[4] = {0, 0, 0, 0};
+        if (plan.has_chains()) {
+            const CameraSample sample = scratch.bootstrap.add_pixel(place, scratch.target.recorder,
+                                                                    splat_scale, counts.bootstrap);
+            for (int c = 0; c < 3; ++c) sum[c] = sample.value[c];
+            sum[3] = sample.covered;
+            ++counts.bootstrap_samples;
+        }
+        if (!place.in_image) return;
+        if (plan.direct_samples > 0)
+            add_direct_light(scene, plan, place, scratch.path, statistics, sum);
+        film.add_sample(place.x, place.y, sum);
+    });
+
+    if (plan.has_chains()) {
+        counts.b = scratch.bootstrap.total() / samples;
+        scratch.target.recorder.scale = counts.b;
+        if (counts.b > 0)
+            run_chains(scratch, plan.chains, plan.steps, unit_key(plan.paths, 0, uint64_t(index)));
     }
     statistics.rays.closest += rays.closest + counts.bootstrap.rays.closest;
     statistics.rays.shadow += rays.shadow + counts.bootstrap.rays.shadow;

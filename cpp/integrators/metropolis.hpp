@@ -5,9 +5,11 @@
 // (the expected deposit of a chain that starts at entry i is that entry's own estimate, v_i), and
 // the average over units converges; nothing is shared between units.
 //
-// A pilot, which deposits nothing, fixes what may be adapted: how large the bootstrap is, with
-// which strategies new paths are made, and the importance map. Paths of up to two edges are left to
-// path tracing unless the settings say otherwise: then b, bootstrap and mutations leave them out.
+// The bootstrap's samples are bidirectional path tracing of the image's pixels, and record what the
+// split leaves to it (see Split). A pilot, which deposits nothing, fixes what may be adapted: the
+// split, the share of each part in the work, with which strategies new paths are made, and the
+// importance map. If the settings say so, paths of up to two edges are path traced alone: then b,
+// bootstrap and mutations leave them out.
 #pragma once
 
 #include <memory>
@@ -27,18 +29,21 @@ struct MetropolisPlan {
     // Bounds of the chains' paths; chains that have none do nothing.
     bool has_chains() const { return paths.min_edges <= paths.depth; }
 
-    bool direct_separately;  // as resolved
-    Settings paths;          // of the chains and the bootstrap
-    Settings direct;         // of the path tracer's part
+    Settings paths;   // of the chains and the bootstrap
+    Settings direct;  // of the path tracer's part
     RasterDomain domain;
-    int chains, steps;               // of a unit
-    int direct_tiles;                // of a unit: one sample per pixel of so many tiles
-    uint32_t bootstrap_samples = 0;  // of a unit
+    int chains, steps;       // of a unit
+    int direct_samples = 0;  // path traced samples beside each of the bootstrap
+    double image_pixels;     // of the film
+    double work;             // of a unit, in mutations
     std::vector<double> mutation_weights;
+    PixelSubset pixels;  // samples of the bootstrap
+    Split split;
     StrategyTable strategies;
     std::shared_ptr<const Guide> guide;  // of walks from the eye; null: there is nothing to guide
     ImportanceMap importance;
     uint64_t pilot_rays = 0;
+    double relative_error = 1;  // of chains and split, to bidirectional samples alone
     PilotNotes::Errors others;  // errors of the other integrators on the chains' light
 };
 
@@ -56,8 +61,7 @@ struct MetropolisScratch {
     MetropolisScratch(const Scene& scene, const MetropolisPlan& plan);
 };
 
-void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, const Tiles& tiles,
-                            int64_t index, MetropolisScratch& scratch, Film& film,
-                            UnitStatistics& statistics);
+void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int64_t index,
+                            MetropolisScratch& scratch, Film& film, UnitStatistics& statistics);
 
 }  // namespace usdmlt

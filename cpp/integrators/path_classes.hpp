@@ -13,12 +13,16 @@ namespace usdmlt {
 // `longest` edges share one class per length.
 inline constexpr int longest_class = 24;
 
-inline uint64_t class_of(const Path& path) {
-    const int k = path.edges();
-    if (k > longest_class) return (uint64_t(1) << 63) | uint64_t(k);
-    uint64_t bits = uint64_t(1) << (k - 1);
-    for (int i = 1; i < k; ++i) bits |= uint64_t(path.is_delta(i)) << (i - 1);
+template <typename IsDelta>
+uint64_t class_of(int edges, const IsDelta& is_delta) {
+    if (edges > longest_class) return (uint64_t(1) << 63) | uint64_t(edges);
+    uint64_t bits = uint64_t(1) << (edges - 1);
+    for (int i = 1; i < edges; ++i) bits |= uint64_t(is_delta(i)) << (i - 1);
     return bits;
+}
+
+inline uint64_t class_of(const Path& path) {
+    return class_of(path.edges(), [&](int i) { return path.is_delta(i); });
 }
 
 inline std::string class_name(uint64_t key) {
@@ -45,8 +49,7 @@ public:
         energy_.fill(0);
         other_ = 0;
     }
-    void add(const Path& path, double energy) {
-        const uint64_t key = class_of(path);
+    void add(uint64_t key, double energy) {
         size_t i = (key * 0x9e3779b97f4a7c15ull) >> 54;
         for (size_t probes = 0; probes < 16; ++probes, i = (i + 1) % capacity) {
             if (keys_[i] == 0) keys_[i] = key;

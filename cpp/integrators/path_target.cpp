@@ -4,7 +4,7 @@
 
 namespace usdmlt {
 
-bool PathTarget::evaluate(State& state) {
+bool PathTarget::evaluate(State& state, int first, int last) {
     const Contribution f = product_of_factors(state.path);
     double sum = 0;
     for (int c = 0; c < 3; ++c) sum += target_weights[c] * std::fabs(f.c[c]);
@@ -14,7 +14,20 @@ bool PathTarget::evaluate(State& state) {
     for (int c = 0; c < 3; ++c) state.color[c] = static_cast<float>(f.c[c] / sum);
     state.target = sum;
     state.target.exponent += f.exponent;
+    if (split_.is_selective()) {
+        update_densities(context_.scene, state.path, first, last);
+        state.target *= split_.of_chains(usdmlt::ratio(
+            state.target * state.target, squared_strategy_densities(state.path, context_.scratch)));
+    }
     return true;
+}
+
+uint32_t PathTarget::applicable(const State& x) {
+    const uint64_t key = class_of(x.path) << 1 | uint64_t(x.path[0].light.delta);
+    if (x.path.edges() > longest_class) return applicable_mutations(context_, x.path) & enabled_;
+    Applicable& known = applicable_[mix64(key) % applicable_.size()];
+    if (known.key != key) known = {key, applicable_mutations(context_, x.path)};
+    return known.mask & enabled_;
 }
 
 // The factors that the change touches, the visibility of the joined edge, and f*.
@@ -33,7 +46,7 @@ bool PathTarget::finish(State& y) {
         if (v.edge == 0) return false;
         v.geometry *= v.edge;
     }
-    return evaluate(y);
+    return evaluate(y, change_.l + 1, change_.m_y - 1);
 }
 
 bool PathTarget::propose(int m, const State& x, State& y) {
@@ -62,17 +75,9 @@ void PathTarget::deposit(const State& state, double weight) {
     if (recorder.pilot)
         recorder.pilot->add(context_, state.path, state.target, weight * luminance(state.color),
                             weight);
-    if (!recorder.film) return;
-    Vec2f offset;
-    if (recorder.filter->kind != PixelFilter::Kind::box)
-        offset = recorder.filter->offset(context_.random.next_2d());
-    const float px = std::floor((state.path.raster.x - offset.x) / recorder.reduction);
-    const float py = std::floor((state.path.raster.y - offset.y) / recorder.reduction);
-    Film& film = *recorder.film;
-    if (!(px >= 0 && py >= 0 && px < float(film.width()) && py < float(film.height()))) return;
-    const Spectrum value = state.color * static_cast<float>(weight * recorder.scale);
-    film.add_splat(static_cast<int>(px), static_cast<int>(py), value, recorder.batch);
-    recorder.classes->add(state.path, luminance(value));
+    if (recorder.film)
+        recorder.splat(state.path.raster, state.color * static_cast<float>(weight * recorder.scale),
+                       class_of(state.path), context_.random);
 }
 
 }  // namespace usdmlt

@@ -2,11 +2,14 @@
 // what a path deposits.
 #pragma once
 
+#include <array>
+
 #include "film/film.hpp"
 #include "film/pixel_filter.hpp"
 #include "integrators/importance_map.hpp"
 #include "integrators/path_classes.hpp"
 #include "integrators/pilot_notes.hpp"
+#include "integrators/split.hpp"
 #include "mutations/mutations.hpp"
 
 namespace usdmlt {
@@ -28,22 +31,33 @@ struct PathRecorder {
     const PixelFilter* filter = nullptr;
     float reduction = 1;  // see Settings
     PathClasses* classes = nullptr;
-    double scale = 1;  // b of the unit
+    double scale = 1;  // of the chains: b of the unit
     int batch = 0;
+
+    // A path of one class that lands at `raster`.
+    void splat(Vec2f raster, const Spectrum& value, uint64_t path_class,
+               RandomStream& random) const {
+        Vec2f offset;
+        if (filter->kind != PixelFilter::Kind::box) offset = filter->offset(random.next_2d());
+        const float x = std::floor((raster.x - offset.x) / reduction);
+        const float y = std::floor((raster.y - offset.y) / reduction);
+        if (!(x >= 0 && y >= 0 && x < float(film->width()) && y < float(film->height()))) return;
+        film->add_splat(static_cast<int>(x), static_cast<int>(y), value, batch);
+        classes->add(path_class, luminance(value));
+    }
 };
 
 class PathTarget {
 public:
     using State = PathState;
 
-    PathTarget(MutationContext& context, const ImportanceMap& importance, bool background)
-        : context_(context), importance_(importance), background_(background) {}
+    PathTarget(MutationContext& context, const ImportanceMap& importance, const Split& split,
+               bool background)
+        : context_(context), importance_(importance), split_(split), background_(background) {}
 
     PathRecorder recorder;
 
-    uint32_t applicable(const State& x) const {
-        return applicable_mutations(context_, x.path) & enabled_;
-    }
+    uint32_t applicable(const State& x);
     // Mutations that may be selected.
     void enable(uint32_t mask) { enabled_ = mask; }
 
@@ -56,8 +70,9 @@ public:
     }
     void reject(const State& y) { context_.arena.give(y.path, change_.l + 1, change_.m_y); }
 
-    // f* and colour of a path whose factors are all made; false where f* is not positive.
-    bool evaluate(State& state);
+    // f* and colour of a path whose factors are all made; false where f* is not positive. Densities
+    // are made where vertices first … last were changed.
+    bool evaluate(State& state, int first, int last);
 
     uint64_t non_finite() const { return non_finite_; }
 
@@ -68,8 +83,15 @@ private:
 
     MutationContext& context_;
     const ImportanceMap& importance_;
+    const Split& split_;
     bool background_;
     uint32_t enabled_ = ~0u;
+    // What applies depends on a path's class and light alone.
+    struct Applicable {
+        uint64_t key = 0;
+        uint32_t mask = 0;
+    };
+    std::array<Applicable, 64> applicable_{};
     Change change_;
     uint64_t non_finite_ = 0;  // proposals whose contribution is none
 };

@@ -1,11 +1,26 @@
 #include "integrators/pilot_notes.hpp"
 
+#include <limits>
+
 namespace usdmlt {
+namespace {
+
+// τ: of how many steps of a chain one is worth an independent sample. From 5 to 15 the scenes that
+// were measured differ by less than 20 %.
+constexpr double correlation = 10;
+
+}  // namespace
 
 void PilotNotes::add(const MutationContext& context, const Path& path, const ScaledDouble& target,
                      double brightness, double weight) {
     picture.add(path.raster, brightness);
     if (count_++ % interval != 0) return;
+    ScaledDouble squares = 0;
+    for (int s = 0; s <= path.edges(); ++s) {
+        if (!has_strategy(path, s)) continue;
+        const ScaledDouble p = strategy_density(context.scene, path, s);
+        squares += p * p;
+    }
     // The other integrators walk without guide.
     Path plain = path;
     std::vector<Vertex> vertices;
@@ -26,7 +41,8 @@ void PilotNotes::add(const MutationContext& context, const Path& path, const Sca
     const auto ratio_to = [&](const ScaledDouble& p) {
         return p.is_positive() ? ratio(target, p) : 0.0;
     };
-    notes_.push_back({picture.cell(path.raster), weight, ratio_to(by_path), ratio_to(by_all)});
+    notes_.push_back({path.raster, weight, ratio_to(by_path), ratio_to(by_all),
+                      ratio(target * target, squares)});
 }
 
 PilotNotes::Errors PilotNotes::errors(double b, const CoarsePicture& finished) const {
@@ -36,7 +52,7 @@ PilotNotes::Errors PilotNotes::errors(double b, const CoarsePicture& finished) c
     Errors errors;
     if (!(mean > 0)) return errors;
     for (const Note& note : notes_) {
-        const double r = sums[note.cell] / mean;
+        const double r = sums[finished.cell(note.raster)] / mean;
         const double w = note.weight / (r * r + 0.01);
         errors.path += w * note.path;
         errors.bidirectional += w * note.bidirectional;
@@ -54,6 +70,42 @@ PilotNotes::Errors PilotNotes::errors(double b, const CoarsePicture& finished) c
     errors.path *= scale;
     errors.bidirectional *= scale;
     return errors;
+}
+
+PilotNotes::Plan PilotNotes::plan_split(double b, const CoarsePicture& finished,
+                                        const ImportanceMap& importance, double sample_cost) const {
+    const std::vector<double>& sums = finished.sums();
+    double mean = 0, total = 0;
+    for (const double s : sums) mean += s / CoarsePicture::count;
+    for (const Note& note : notes_) total += note.weight;
+    Plan best{{}, 0.5, 1};
+    if (!(mean > 0) || !(total > 0)) return best;
+    double least = std::numeric_limits<double>::infinity();
+    // c · mean: the relative brightness from which on samples go to the chains.
+    for (double c = 0x1p-8; c <= 0x1p9; c *= 2) {
+        Plan plan{{sqr(c / mean)}, 0, 0};
+        double camera = 0, chains = 0, target = 0, all = 0;
+        for (const Note& note : notes_) {
+            const double r = sums[finished.cell(note.raster)] / mean;
+            const double w = importance.weight(note.raster);
+            const double g = plan.split.of_chains(sqr(w) * note.r_squared);
+            const double worth = note.weight / (total * (r * r + 0.01));
+            if (g < 1) camera += worth * sqr(1 - g) * std::sqrt(note.r_squared);
+            all += worth * std::sqrt(note.r_squared);
+            chains += worth * g / w;
+            target += note.weight / total * g * w;
+        }
+        // f*/p is radiance; R is relative to the mean.
+        const double root_camera = std::sqrt(camera * b * sample_cost) / mean;
+        const double root_chains = std::sqrt(correlation * chains * target) * b / mean;
+        const double error = sqr(root_camera + root_chains);
+        if (!(error < least)) continue;
+        least = error;
+        plan.share = root_camera / (root_camera + root_chains);
+        plan.relative_error = error / (all * b * sample_cost / sqr(mean));
+        best = plan;
+    }
+    return best;
 }
 
 }  // namespace usdmlt

@@ -8,6 +8,7 @@
 #pragma once
 
 #include "integrators/importance_map.hpp"
+#include "integrators/split.hpp"
 
 namespace usdmlt {
 
@@ -31,10 +32,24 @@ public:
     };
     Errors errors(double b, const CoarsePicture& finished) const;
 
+    // The split, and the share of the work that bidirectional samples get, by which the error in
+    // equal time is least. With F = w f* g the chains' target, C the cost of a bidirectional
+    // sample in mutations and W = 1 / (R² + ε), samples of each kind have errors
+    //     E_B = C ∫ W ((1 − g) f)² / p,      E_M = τ ∫ F ∫ W g f*/w,
+    // and shares α, 1 − α of the work give E_B/α + E_M/(1 − α), least for α ∝ √E_B.
+    struct Plan {
+        Split split;
+        double share;
+        double relative_error;  // of the whole, to that of bidirectional samples alone
+    };
+    Plan plan_split(double b, const CoarsePicture& finished, const ImportanceMap& importance,
+                    double sample_cost) const;
+
 private:
     struct Note {
-        size_t cell;
+        Vec2f raster;
         double weight, path, bidirectional;  // f*/p
+        double r_squared;                    // f*²/Σp_s² by walks with the guide, see Split
     };
     // Densities cost much beside a mutation.
     static constexpr uint32_t interval = 8;

@@ -74,7 +74,7 @@ void render_unit(const Scene& scene, const Settings& settings, const MetropolisP
             return render_bidirectional_unit(scene, settings, tiles, index, *thread.bidirectional,
                                              film, thread.statistics);
         case IntegratorKind::metropolis:
-            return render_metropolis_unit(scene, *plan, tiles, index, *thread.metropolis, film,
+            return render_metropolis_unit(scene, *plan, index, *thread.metropolis, film,
                                           thread.statistics);
     }
 }
@@ -95,11 +95,11 @@ Render::Render(std::shared_ptr<const Scene> scene, const Settings& settings)
 
 int64_t Render::units_total() const {
     if (!metropolis_) return tiles_.count() * settings_.samples;
-    const auto ceil_div = [](int64_t a, int64_t b) { return (a + b - 1) / b; };
     const int64_t pixels = int64_t(film_.width()) * film_.height();
     // Enough for one camera sample of every pixel, at least.
-    return std::max(ceil_div(pixels * settings_.samples, metropolis_->mutations_per_unit()),
-                    ceil_div(tiles_.count(), metropolis_->direct_tiles));
+    return std::max(
+        static_cast<int64_t>(std::ceil(double(pixels) * settings_.samples / metropolis_->work)),
+        metropolis_->pixels.units_per_pass());
 }
 
 double Render::splats_per_pixel() const {

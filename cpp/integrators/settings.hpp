@@ -22,8 +22,8 @@ struct Settings {
     int reduction = 1;  // pixels of the film are squares of so many of the camera's: for pilots
 
     // Metropolis only.
-    bool direct_separately = true;         // paths of up to two edges by path tracing
-    bool direct_by_pilot = false;          // unless a pilot shows that it finds them too seldom
+    bool direct_separately = true;         // paths of up to two edges by path tracing alone
+    bool selective = true;                 // light that bidirectional samples find is left to them
     bool two_stage = true;                 // the target is divided by a coarse picture
     std::vector<double> mutation_weights;  // by mutation; empty: the pilot decides
 };

@@ -24,6 +24,7 @@ struct StrategyScratch {
 struct StrategySample {
     int s, t;
     Spectrum value;
+    double weight;          // w_{s,t}
     float edge;             // transmittance of the join
     const Subpath& light;   // `end` for s = 1
     const Subpath& camera;  // `end` for t = 1
@@ -60,15 +61,15 @@ public:
     }
 
 private:
-    void add(int s, int t, const Spectrum& value, float edge) {
+    void add(int s, int t, const Spectrum& value, double weight, float edge) {
         if (is_black(value)) return;
         if (!is_finite(value)) {
             ++statistics_.non_finite;
             return;
         }
         statistics_.energy[static_cast<size_t>(s + t - 1)] += luminance(value);
-        sink_.add(
-            StrategySample{s, t, value, edge, s == 1 ? end_ : light_, t == 1 ? end_ : camera_});
+        sink_.add(StrategySample{s, t, value, weight, edge, s == 1 ? end_ : light_,
+                                 t == 1 ? end_ : camera_});
     }
     bool recorded(int edges) const {
         return edges >= settings_.min_edges && edges <= settings_.depth;
@@ -84,11 +85,11 @@ private:
         if (t == 2 && z.infinite && !settings_.background) return;
         const Spectrum value = emitted_contribution(scene_, camera_, t);
         if (is_black(value)) return;
-        if (t == 2) return add(0, t, value, 1);
+        if (t == 2) return add(0, t, value, 1, 1);
         const SubpathVertex& previous = camera_[t - 2];
         const double w = strategy_weight(scene_, nullptr, nullptr, 0, z, &previous, t,
                                          light_densities(scene_, z, previous), 1);
-        add(0, t, value * static_cast<float>(w), 1);
+        add(0, t, value * static_cast<float>(w), w, 1);
     }
 
     // s = 1
@@ -105,7 +106,7 @@ private:
         densities.point = pdf_point(scene_.lights, end_[0].light);
         const double w =
             strategy_weight(scene_, &end_[0], nullptr, 1, z, &previous, t, densities, edge);
-        add(1, t, value * static_cast<float>(edge * w), edge);
+        add(1, t, value * static_cast<float>(edge * w), w, edge);
     }
 
     void connect(int s, int t) {
@@ -119,7 +120,7 @@ private:
         if (edge == 0) return;
         const double w = strategy_weight(scene_, &x, before(light_, s), s, z, before(camera_, t), t,
                                          {light_.pdf_point, light_.pdf_direct}, edge);
-        add(s, t, value * static_cast<float>(edge * w), edge);
+        add(s, t, value * static_cast<float>(edge * w), w, edge);
     }
 
     // t = 1
@@ -142,7 +143,7 @@ private:
         if (edge == 0) return;
         const double w = strategy_weight(scene_, &x, &light_[s - 2], s, end_[0], nullptr, 1,
                                          {light_.pdf_point, light_.pdf_direct}, edge);
-        add(s, 1, value * static_cast<float>(edge * w), edge);
+        add(s, 1, value * static_cast<float>(edge * w), w, edge);
     }
 
     const Scene& scene_;

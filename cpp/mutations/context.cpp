@@ -40,6 +40,6 @@ MutationContext::MutationContext(const Scene& scene, const RasterDomain& domain,
                    std::max(std::sqrt(largest_move_of_area * domain.image_area / std::numbers::pi),
                             2 * smallest_move)},
       arena(3 * (max_edges + 2)),
-      products(static_cast<size_t>(max_edges) + 3) {}
+      scratch(max_edges) {}
 
 }  // namespace usdmlt

@@ -94,12 +94,13 @@ private:
 // r = r_min·(r_max/r_min)^u: small moves and large ones equally often per octave (Veach 1997,
 // §11.3.3, mirrored so that the density is ∝ 1/r between r_min and r_max).
 struct LogarithmicRange {
-    double min, max;
+    double min, max, log_ratio;
 
-    double sample(double u) const { return min * std::pow(max / min, u); }
+    LogarithmicRange(double min, double max) : min(min), max(max), log_ratio(std::log(max / min)) {}
+    double sample(double u) const { return min * std::exp(u * log_ratio); }
     bool contains(double r) const { return r >= min && r <= max; }
     // Per unit length of r.
-    double pdf(double r) const { return 1 / (r * std::log(max / min)); }
+    double pdf(double r) const { return 1 / (r * log_ratio); }
     // Of a point in the plane at distance r, uniform in azimuth.
     double pdf_plane(double r) const { return pdf(r) / (2 * std::numbers::pi * r); }
     // Of a direction at angle r, in solid angle.
@@ -119,7 +120,7 @@ struct MutationContext {
     RayCounters rays;
     VertexArena arena;
     ScaledDouble recorded;  // T(x→y) as the last proposal made it: a by-product, for tests
-    std::vector<ScaledDouble> products;  // scratch
+    DensityScratch scratch;
     // Strata of the screen: chain `chain` of a unit, proposal by proposal.
     uint64_t unit_key = 0;
     uint32_t chain = 0, lens_proposals = 0;
@@ -143,6 +144,7 @@ inline void begin_replacement(MutationContext& context, const Path& x, Change& c
     }
     for (int i = change.m; i <= k; ++i) y.at(i + change.m_y - change.m) = x.at(i);
     y.raster = x.raster;
+    y.direct = x.direct;
 }
 
 // A vertex of the arena, to be filled in.

@@ -18,7 +18,7 @@ ScaledDouble sum_over_splits(MutationContext& context, const Path& y, int l, int
                              const Weight& weight) {
     // E_j = ∏_{i > l + j} p_E(y_i), from the eye to the light: division would lose zeros.
     const int n = m_y - l - 1;
-    std::vector<ScaledDouble>& eye_products = context.products;
+    std::vector<ScaledDouble>& eye_products = context.scratch.scaled;
     const auto eye = [&](int j) -> ScaledDouble& { return eye_products[static_cast<size_t>(j)]; };
     eye(n) = 1;
     for (int j = n - 1; j >= 0; --j) {

@@ -1,5 +1,7 @@
 #include "paths/path.hpp"
 
+#include <algorithm>
+
 #include "paths/densities.hpp"
 
 namespace usdmlt {
@@ -111,6 +113,46 @@ ScaledDouble strategy_density(const Scene& scene, const Path& path, int s) {
                               : density_from_light_side(scene, path, i);
     for (int i = path.edges(); i >= s; --i) p *= density_from_eye_side(scene, path, i);
     return p;
+}
+
+void update_densities(const Scene& scene, Path& path, int first, int last) {
+    const int k = path.edges();
+    // A direction of scattering is made of two edges.
+    for (int i = std::max(first, 0); i <= std::min(last + 2, k - 1); ++i)
+        path.at(i).from_light = density_from_light_side(scene, path, i);
+    for (int i = std::max(first - 2, 0); i <= std::min(last, k); ++i)
+        path.at(i).from_eye = density_from_eye_side(scene, path, i);
+    if (first <= 1 && k > 1)
+        path.direct = pdf_direct(scene.lights, path[0].light, path[1].position);
+}
+
+namespace {
+
+// Σ_s p_s², Real being double or ScaledDouble. `products`: E_s = Π_{i ≥ s} p_E(x_i).
+template <typename Real>
+Real sum_of_squares(const Path& path, std::vector<Real>& products) {
+    const int k = path.edges();
+    Real* eye = products.data();
+    eye[k + 1] = 1;
+    for (int i = k; i >= 0; --i) eye[i] = eye[i + 1] * path.at(i).from_eye;
+    Real sum = 0, light = 1;
+    for (int s = 0; s <= k; ++s) {
+        if (s > 0) light *= path.at(s - 1).from_light;
+        if (!has_strategy(path, s)) continue;
+        const Real p = eye[s] * (s == 1 ? Real(path.direct) : light);
+        sum += p * p;
+    }
+    return sum;
+}
+
+}  // namespace
+
+ScaledDouble squared_strategy_densities(const Path& path, DensityScratch& scratch) {
+    // What underflows is nothing beside a sum of this size.
+    constexpr double least = 0x1p-600, most = 0x1p900;
+    const double sum = sum_of_squares(path, scratch.plain);
+    if (sum > least && sum < most) return sum;
+    return sum_of_squares(path, scratch.scaled);
 }
 
 double power_heuristic(const Scene& scene, const Path& path, int s) {

@@ -19,12 +19,15 @@ struct PathVertex {
     Vec3f direction;                  // unit, from x_{i−1} to x_i
     double geometry = 1;              // G·τ of that edge
     Spectrum scattering;              // Le·α at x0, We at xk, between them f_s·|cosθ_s/cosθ_g|·α
+    double from_light = 0;            // densities with which the vertex is made, see
+    double from_eye = 0;              // density_from_…_side
 };
 
 // x0 … xk.
 struct Path {
     std::vector<PathVertex> vertices;
-    Vec2f raster;  // where the lens sees it; for Metropolis light transport
+    Vec2f raster;       // where the lens sees it; for Metropolis light transport
+    double direct = 0;  // density of x0 by direct sampling from x1
 
     int edges() const { return static_cast<int>(vertices.size()) - 1; }
     const Vertex& operator[](int i) const { return *at(i).vertex; }
@@ -68,6 +71,21 @@ bool has_strategy(const Path& path, int s);
 
 // p_{s,t}(x), t = k + 1 − s, without roulette; x0 by direct sampling for s = 1.
 ScaledDouble strategy_density(const Scene& scene, const Path& path, int s);
+
+// Fill in the densities that a change of vertices x_first … x_last touches.
+void update_densities(const Scene& scene, Path& path, int first, int last);
+
+// Memory for products along paths of up to `edges` edges.
+struct DensityScratch {
+    std::vector<double> plain;
+    std::vector<ScaledDouble> scaled;
+
+    explicit DensityScratch(int edges)
+        : plain(static_cast<size_t>(edges) + 3), scaled(static_cast<size_t>(edges) + 3) {}
+};
+
+// Σ_s p_s(x)² from the densities that are stored.
+ScaledDouble squared_strategy_densities(const Path& path, DensityScratch& scratch);
 
 // w_s = p_s² / Σ_j p_j². The definition; strategy_weight (connect.hpp) is the same number in O(1).
 double power_heuristic(const Scene& scene, const Path& path, int s);

@@ -18,7 +18,7 @@ namespace {
 using Weights = std::map<std::string, double>;
 
 Settings make_settings(const Weights& mutation_weights, int depth, int min_edges, uint64_t seed,
-                       bool margin, bool two_stage) {
+                       bool margin, bool two_stage, bool selective) {
     Settings s;
     s.integrator = IntegratorKind::metropolis;
     s.depth = depth;
@@ -27,6 +27,7 @@ Settings make_settings(const Weights& mutation_weights, int depth, int min_edges
     s.filter.kind = margin ? PixelFilter::Kind::gaussian : PixelFilter::Kind::box;
     s.direct_separately = false;
     s.two_stage = two_stage;
+    s.selective = selective;
     s.mutation_weights.assign(mutation_count, 0);
     for (int m = 0; m < mutation_count; ++m) {
         const auto weight = mutation_weights.find(std::string(mutation_name(m)));
@@ -155,11 +156,11 @@ struct WatchedTarget {
 // Single steps from starts ∝ the bootstrap's weights. Steps that made no y leave no row.
 py::dict step_probe(const Scene& scene, const Weights& mutation_weights, int rounds,
                     uint32_t samples, int starts, int steps, int depth, int min_edges,
-                    uint64_t seed, bool margin, bool two_stage,
+                    uint64_t seed, bool margin, bool two_stage, bool selective,
                     const std::vector<std::string>& mutant_names) {
     const FlushDenormals flush;
     const Settings settings =
-        make_settings(mutation_weights, depth, min_edges, seed, margin, two_stage);
+        make_settings(mutation_weights, depth, min_edges, seed, margin, two_stage, selective);
     const MetropolisPlan plan(scene, settings);
     MetropolisScratch scratch(scene, plan);
     std::vector<Mutant> chosen;
@@ -211,7 +212,7 @@ py::dict proposal_probe(const Scene& scene, const std::string& mutation,
                         int depth, int min_edges, uint64_t seed) {
     const FlushDenormals flush;
     const Settings settings =
-        make_settings({{mutation, 1.0}}, depth, min_edges, seed, false, false);
+        make_settings({{mutation, 1.0}}, depth, min_edges, seed, false, false, false);
     const MetropolisPlan plan(scene, settings);
     MetropolisScratch scratch(scene, plan);
     MutationContext& context = scratch.context;
@@ -291,7 +292,7 @@ void bind_mutations(py::module_& module) {
         "step_probe", &step_probe, py::arg("scene"), py::arg("mutation_weights"), py::kw_only(),
         py::arg("rounds"), py::arg("samples"), py::arg("starts"), py::arg("steps") = 1,
         py::arg("depth") = 6, py::arg("min_edges") = 1, py::arg("seed") = 0,
-        py::arg("margin") = true, py::arg("two_stage") = false,
+        py::arg("margin") = true, py::arg("two_stage") = false, py::arg("selective") = false,
         py::arg("mutants") = std::vector<std::string>(),
         "Single steps of run_chain from paths of bidirectional path tracing, drawn in "
         "proportion to their weights. One row per proposal that was made: the states before "

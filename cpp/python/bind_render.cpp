@@ -16,7 +16,7 @@ Settings make_settings(const std::string& integrator, int samples, int depth, ui
                        const std::string& filter, int min_edges, bool background,
                        bool direct_separately, bool two_stage,
                        const std::map<std::string, double>& mutation_weights, bool error_layer,
-                       int reduction, bool direct_by_pilot) {
+                       int reduction, bool selective) {
     Settings s;
     if (integrator == "bdpt")
         s.integrator = IntegratorKind::bidirectional;
@@ -39,7 +39,7 @@ Settings make_settings(const std::string& integrator, int samples, int depth, ui
     s.two_stage = two_stage;
     s.error_layer = error_layer;
     s.reduction = reduction;
-    s.direct_by_pilot = direct_by_pilot;
+    s.selective = selective;
     if (!mutation_weights.empty()) {
         s.mutation_weights.assign(mutation_count, 0);
         for (const auto& [name, weight] : mutation_weights) {
@@ -132,8 +132,9 @@ py::dict metropolis_stats(const Render& render) {
     out["bootstrap_samples"] = s.bootstrap_samples;
     out["bootstrap_rays"] = s.bootstrap_rays;
     out["pilot_rays"] = plan.pilot_rays;
-    out["direct"] = plan.direct_separately ? "separate" : "mlt";
+    out["share_of_bidirectional_samples"] = 1 - rate(double(plan.mutations_per_unit()), plan.work);
     // Of the others, by the pilot: what `auto` decides by.
+    out["error_relative_to_bdpt"] = plan.relative_error;
     out["path_error"] = std::vector<double>{plan.others.path, plan.others.path_notes};
     out["bdpt_error"] =
         std::vector<double>{plan.others.bidirectional, plan.others.bidirectional_notes};
@@ -181,8 +182,7 @@ py::dict stats(const Render& render) {
 // Samples, or mutations, of a unit on average.
 double samples_per_unit(const Render& render) {
     if (render.metropolis())
-        return render.metropolis()->has_chains() ? double(render.metropolis()->mutations_per_unit())
-                                                 : 0;
+        return render.metropolis()->has_chains() ? render.metropolis()->work : 0;
     const Film& film = render.film();
     return double(film.width()) * film.height() * render.settings().samples /
            double(render.units_total());
@@ -196,11 +196,11 @@ void bind_render(py::module_& module) {
                          int depth, uint64_t seed, const std::string& filter, int min_edges,
                          bool background, bool direct_separately, bool two_stage,
                          const std::map<std::string, double>& mutation_weights, bool error_layer,
-                         int reduction, bool direct_by_pilot) {
+                         int reduction, bool selective) {
                  const Settings settings =
                      make_settings(integrator, samples, depth, seed, filter, min_edges, background,
                                    direct_separately, two_stage, mutation_weights, error_layer,
-                                   reduction, direct_by_pilot);
+                                   reduction, selective);
                  const py::gil_scoped_release release;
                  return std::make_unique<Render>(std::move(scene), settings);
              }),
@@ -209,12 +209,11 @@ void bind_render(py::module_& module) {
              py::arg("filter") = "gaussian", py::arg("min_edges") = 1, py::arg("background") = true,
              py::arg("direct_separately") = true, py::arg("two_stage") = true,
              py::arg("mutation_weights") = std::map<std::string, double>(),
-             py::arg("error_layer") = true, py::arg("reduction") = 1,
-             py::arg("direct_by_pilot") = false)
+             py::arg("error_layer") = true, py::arg("reduction") = 1, py::arg("selective") = true)
         .def_property_readonly("units_total", &Render::units_total)
         .def_property_readonly("units_done", &Render::units_done)
         .def_property_readonly("samples_per_unit", &samples_per_unit,
-                               "Samples, or mutations of mlt, on average.")
+                               "Samples, or mutations of mlt or their worth, on average.")
         .def("run", &run, py::arg("last_unit"), py::arg("threads") = 1,
              py::arg("deadline_seconds") = py::none(), py::arg("poll") = py::none(),
              "Renders units [units_done, last_unit) and returns units_done. poll(units_started) is "

@@ -43,7 +43,7 @@ class Render:
         mutation_weights: Mapping[str, float] = ...,
         error_layer: bool = True,
         reduction: int = 1,
-        direct_by_pilot: bool = False,
+        selective: bool = True,
     ) -> None: ...
     @property
     def units_total(self) -> int: ...

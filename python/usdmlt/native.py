@@ -49,7 +49,7 @@ def plan_render(
             seed=settings.seed,
             filter=settings.filter,
             direct_separately=settings.direct_separately,
-            direct_by_pilot=settings.direct == "auto",
+            selective=settings.selective,
             two_stage=settings.two_stage,
             mutation_weights=settings.mutation_weights or {},
             error_layer=settings.error,

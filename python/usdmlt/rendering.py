@@ -40,7 +40,7 @@ class Progress:
     units_total: int
     samples_per_unit: float  # on average
     seconds: float
-    samples_are: str = "samples"  # "mutations" of mlt
+    samples_are: str = "samples"  # of mlt "mutations", or their worth
 
     @property
     def samples_done(self) -> float:
@@ -135,21 +135,24 @@ class Rendering:
         """What the core measured, and the settings as they were resolved: JSON has them all.
 
         ``samples`` are those of the camera; ``samples_per_pixel`` is what was spent of the budget:
-        of ``"mlt"``, mutations. ``unreachable`` names lights and materials between which no
-        integrator finds a path.
+        of ``"mlt"``, mutations and the worth of bidirectional samples in them. ``unreachable``
+        names lights and materials between which no integrator finds a path.
 
-        Of ``"mlt"`` too: ``mutations`` and their rates; ``b``, the integral that scales the
-        picture, and ``b_error``, its standard error; ``mutation``, by name: the weight with which
-        it was tried, how often it was applicable, proposed, made a path and was accepted, and the
-        mean acceptance probability; ``path_class_energy``, mean luminance by class (``"LSDE"``);
-        ``longest_rejection``, steps that the most stubborn path stayed.
+        Of ``"mlt"`` too: ``mutations`` and their rates; ``share_of_bidirectional_samples`` in the
+        work; ``b``, the integral of the light that is left to the mutations, which scales their
+        part of the picture, and ``b_error``, its standard error; ``mutation``, by name: the weight
+        with which it was tried, how often it was applicable, proposed, made a path and was
+        accepted, and the mean acceptance probability; ``path_class_energy``, mean luminance by
+        class (``"LSDE"``); ``longest_rejection``, steps that the most stubborn path stayed.
         """
         measured = self._render.stats()
         measured.update(measured.pop("mlt", {}))
         settings = asdict(self.settings)
         settings["integrator"] = self.integrator
         settings["threads"] = self.settings.resolved_threads
-        spent = measured["mutations" if self.integrator == "mlt" else "samples"]
+        spent = measured["samples"]
+        if self.integrator == "mlt":
+            spent = self.units_done * self._render.samples_per_unit
         return {
             "integrator": self.integrator,
             "choice": asdict(self.choice),
@@ -190,9 +193,9 @@ def render(
     none of the options of reading.
     ``progress``: called about ten times a second with a :class:`Progress`.
     ``options``: the fields of :class:`usdmlt.Settings`: integrator, samples, mutations, time,
-    depth, seed, threads, filter, error, mutation_weights, direct, two_stage, which go before what
-    the stage itself asks for; all others are those of :func:`usdmlt.load`, as camera, frame, width
-    and height are: purposes, mask, variants, color_space …
+    depth, seed, threads, filter, error, mutation_weights, direct, selective, two_stage, which go
+    before what the stage itself asks for; all others are those of :func:`usdmlt.load`, as camera,
+    frame, width and height are: purposes, mask, variants, color_space …
 
     The picture's layers are ``"color"`` and ``"alpha"`` and, unless ``error=False``, ``"error"``:
     the standard error of the luminance by pixel; 0 where there were too few samples to tell.

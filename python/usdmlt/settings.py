@@ -51,9 +51,11 @@ class Settings:
     those that are not named are not. Names: ``new_path``, ``bidirectional``, ``lens``,
     ``caustic``, ``multi_chain``, ``lens_subpath``; one of the first two has to be among them.
     None: chosen for the scene.
-    ``direct``: who renders light that is seen directly or after one bounce: path tracing
-    (``"separate"``) or the mutations (``"mlt"``); ``"auto"`` is
-    ``"separate"`` unless a pilot shows that path tracing finds it too seldom.
+    ``selective``: whether light that bidirectional path tracing finds is left to it, so that the
+    mutations have what is hard to find alone; a part of the work goes to each, by a pilot.
+    ``direct``: who renders light that is seen directly or after one bounce: path tracing alone
+    (``"separate"``), or what renders all other light (``"mlt"``); ``"auto"`` is ``"mlt"`` where
+    ``selective`` is on, else ``"separate"``.
     ``two_stage``: whether dark parts get nearly as much work as bright ones, by a coarse picture
     that is made first.
     """
@@ -69,6 +71,7 @@ class Settings:
     error: bool = True
     mutation_weights: Mapping[str, float] | None = None
     direct: DirectName = "auto"
+    selective: bool = True
     two_stage: bool = True
     embree_isa: EmbreeIsa = "avx2"
 
@@ -106,8 +109,8 @@ class Settings:
 
     @property
     def direct_separately(self) -> bool:
-        """Whether mlt leaves direct light to path tracing."""
-        return self.direct != "mlt"
+        """Whether mlt leaves direct light to path tracing alone."""
+        return self.direct == "separate" or (self.direct == "auto" and not self.selective)
 
     @property
     def resolved_threads(self) -> int:

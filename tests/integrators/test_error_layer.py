@@ -36,15 +36,17 @@ def test_the_reported_error_of_chains_is_their_spread(name: str) -> None:
     batches tell the variance. With 384 pixels and 24 seeds the ratio is known to some 5 %, clumps
     in caustics included; a wrong number of degrees of freedom or a share of the work left out
     would be seen, and in the second scene an exposure that is not in both."""
-    ratio = reported_over_observed(name, "mlt", 21, 24, direct_separately=False, depth=6)
+    ratio = reported_over_observed(
+        name, "mlt", 21, 24, direct_separately=False, selective=False, depth=6
+    )
     assert ratio == pytest.approx(1, abs=0.2)
 
 
 @pytest.mark.parametrize(("integrator", "units"), [("path", 16), ("bdpt", 16), ("mlt", 21)])
 def test_the_reported_error_is_never_too_small(integrator: str, units: int) -> None:
     """Camera samples are stratified, but counted as independent: their error is overestimated, by
-    a factor of up to two in the variance here."""
-    assert 0.9 < reported_over_observed("diffuse_box", integrator, units, 20, depth=5) < 2.5
+    a factor of up to three in the variance here."""
+    assert 0.9 < reported_over_observed("diffuse_box", integrator, units, 20, depth=5) < 3
 
 
 @pytest.mark.parametrize("integrator", ["path", "bdpt", "mlt"])

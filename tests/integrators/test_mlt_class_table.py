@@ -28,6 +28,8 @@ DIRAC_SUNS = {"suns_through_glass"}  # which no path from the eye meets by chanc
 
 
 def of_chains(built, seed: int, mutations: int, **settings: object) -> dict[str, float]:
+    """Of chains alone, unless the settings say otherwise."""
+    settings = {"selective": False, **settings}
     render = plan(built, "mlt", samples=mutations, depth=DEPTH, seed=seed, **settings)
     render.run(render.units_total)
     found = render.stats()["mlt"]["path_class_energy"]
@@ -76,11 +78,12 @@ def compare(
     return rows
 
 
+@pytest.mark.parametrize("selective", [False, True], ids=["all by chains", "split"])
 @pytest.mark.parametrize("name", ["mirror_caustic_through_a_lens", "pool"])
-def test_classes_have_the_energy_of_bidirectional_samples(name: str) -> None:
-    """Chains of three edges and more, as the integrator has them by default."""
+def test_classes_have_the_energy_of_bidirectional_samples(name: str, selective: bool) -> None:
+    """Three edges and more."""
     built = build(transport_scenes.build(name))
-    chains = [of_chains(built, seed, 192) for seed in range(16)]
+    chains = [of_chains(built, seed, 192, selective=selective) for seed in range(16)]
     other = [
         {c: e for c, e in t.items() if len(c) > 3}
         for t in reference(name, 16, 40_000, bidirectional=True)
@@ -90,15 +93,18 @@ def test_classes_have_the_energy_of_bidirectional_samples(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("two_stage", [False, True], ids=["one stage", "two stages"])
+@pytest.mark.parametrize(
+    ("two_stage", "selective"), [(False, False), (True, False), (True, True)],
+    ids=["one stage", "two stages", "split"],
+)  # fmt: skip
 @pytest.mark.parametrize("name", transport_scenes.TRANSPORT_SCENES)
-def test_all_classes_have_the_energy_of_both_other_methods(name: str, two_stage: bool) -> None:
+def test_all_classes_have_the_energy_of_both_other_methods(
+    name: str, two_stage: bool, selective: bool
+) -> None:
     """From LE on, 24 seeds each."""
     built = build(transport_scenes.build(name))
-    chains = [
-        of_chains(built, seed, 1024, direct_separately=False, two_stage=two_stage)
-        for seed in range(24)
-    ]
+    settings = {"direct_separately": False, "two_stage": two_stage, "selective": selective}
+    chains = [of_chains(built, seed, 1024, **settings) for seed in range(24)]
     compare(chains, reference(name, 24, 300_000, bidirectional=True), resolution=0.02)
     if name not in DIRAC_SUNS:
         compare(chains, reference(name, 24, 600_000, bidirectional=False), resolution=0.02)

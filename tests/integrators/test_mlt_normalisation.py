@@ -1,4 +1,7 @@
-"""b = ∫ f*, the brightness that scales what chains deposit, and the error reported of it."""
+"""b = ∫ f*, the brightness that scales what chains deposit, and the error reported of it.
+
+Everything is left to the chains here: with the selective split b is of their part alone.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,14 @@ def test_b_is_off_by_the_error_that_it_reports(name: str, direct: bool) -> None:
     z = []
     for seed in range(SEEDS):
         render = plan(
-            built, "mlt", samples=192, depth=5, seed=seed, direct_separately=direct, two_stage=False
+            built,
+            "mlt",
+            samples=192,
+            depth=5,
+            seed=seed,
+            direct_separately=direct,
+            two_stage=False,
+            selective=False,
         )
         render.run(render.units_total)
         b = render.stats()["mlt"]
@@ -43,7 +53,15 @@ def test_the_mean_of_the_picture_is_as_sharp_as_b() -> None:
     """Every step deposits one unit of f*, so the chains' share of the picture has b for its mean,
     whatever the chains do."""
     built = build(scenes.build("diffuse_box"))
-    render = plan(built, "mlt", samples=256, depth=5, direct_separately=False, two_stage=False)
+    render = plan(
+        built,
+        "mlt",
+        samples=256,
+        depth=5,
+        direct_separately=False,
+        two_stage=False,
+        selective=False,
+    )
     render.run(render.units_total)
     mean = render.image()[..., :3].astype(float).mean(axis=(0, 1)) @ WEIGHTS
     assert mean == pytest.approx(render.stats()["mlt"]["b"], rel=1e-5)

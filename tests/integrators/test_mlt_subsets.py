@@ -47,8 +47,9 @@ def built(name: str):
 
 
 @cache
-def reference(name: str, seeds: int = 16, samples: int = 64) -> np.ndarray:
-    return pictures(built(name), "bdpt", range(1000, 1000 + seeds), samples=samples, depth=DEPTH)
+def reference(name: str, seeds: int = 16, samples: int = 64, filter: str = "box") -> np.ndarray:
+    settings = {"samples": samples, "depth": DEPTH, "filter": filter}
+    return pictures(built(name), "bdpt", range(1000, 1000 + seeds), **settings)
 
 
 def chains(
@@ -58,6 +59,7 @@ def chains(
     samples: int = 192,
     **settings: object,
 ) -> np.ndarray:
+    """Everything is left to the chains, unless the settings say otherwise."""
     weights = dict.fromkeys(mutations, 1.0)
     return pictures(
         built(name),
@@ -66,7 +68,7 @@ def chains(
         samples=samples,
         depth=DEPTH,
         mutation_weights=weights,
-        **settings,
+        **{"selective": False, **settings},
     )
 
 
@@ -106,15 +108,25 @@ def test_all_mutations_together(name: str) -> None:
     agreement(got, reference(name), lumpy=True).require(resolution=0.02, block_resolution=0.08)
 
 
+@pytest.mark.parametrize("selective", [False, True], ids=["all by chains", "split"])
 @pytest.mark.parametrize(
     ("two_stage", "direct"), [(True, True), (True, False), (False, False)],
-    ids=["two stages", "two stages, direct light by chains", "direct light by chains"],
+    ids=["two stages", "two stages, direct light as all", "direct light as all"],
 )  # fmt: skip
-def test_stages_and_direct_light(two_stage: bool, direct: bool) -> None:
-    """What is traced apart must be what chains leave out; the importance map must cancel."""
+def test_stages_direct_light_and_split(two_stage: bool, direct: bool, selective: bool) -> None:
+    """What is traced apart must be what chains leave out; the importance map must cancel; both
+    parts of a split must be of the same paths, in the filter's margin too."""
     name = "suns_through_glass"
-    got = chains(name, set(MUTATIONS), direct_separately=direct, two_stage=two_stage)
-    agreement(got, reference(name), lumpy=True).require(resolution=0.02, block_resolution=0.08)
+    got = chains(
+        name,
+        set(MUTATIONS),
+        direct_separately=direct,
+        two_stage=two_stage,
+        selective=selective,
+        filter="gaussian",
+    )
+    other = reference(name, filter="gaussian")
+    agreement(got, other, lumpy=True).require(resolution=0.02, block_resolution=0.08)
 
 
 # ---------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from support import scenes
-from support.rendering import ALL, BOTH, build, picture, pictures, work
+from support.rendering import ALL, BOTH, build, picture, pictures, rgba, work
 from support.statistics import agreement
 
 
@@ -50,15 +50,29 @@ def test_a_scene_can_hide_its_background_itself(integrator: str) -> None:
     assert np.array_equal(hidden, other)
 
 
-@pytest.mark.parametrize("integrator", ALL)
+@pytest.mark.parametrize("integrator", BOTH)
 def test_a_hidden_background_is_hidden_from_the_camera_only(integrator: str) -> None:
     """Without background the picture is that without paths of one edge to the environment."""
     built = build(scenes.build("dome_and_distant"))
-    # The importance map would differ.
-    settings = {"samples": 8, "two_stage": False}
+    settings = {"samples": 8}
     shown = picture(built, integrator, **settings)
     hidden = picture(built, integrator, background=False, **settings)
     sky = picture(built, integrator, depth=1, **settings)
     assert sky.any()
     assert shown - hidden == pytest.approx(sky, rel=1e-4, abs=1e-5)
     assert not np.array_equal(hidden, 0 * hidden)
+
+
+def test_chains_do_not_see_a_hidden_background_either() -> None:
+    """Between geometry there is nothing; elsewhere the same light."""
+    built = build(scenes.build("dome_and_distant"))
+    settings = {"samples": 64, "direct_separately": False}
+    shown = rgba(built, "mlt", **settings)
+    hidden = rgba(built, "mlt", background=False, **settings)
+    alpha = rgba(built, "path", samples=512, depth=1)[..., 3]
+    sky, covered = alpha == 0, alpha == 1
+    assert sky.any()
+    assert not hidden[sky].any()
+    assert (shown[sky, :3] > 0).all()
+    light = hidden[covered, :3].mean()
+    assert light == pytest.approx(shown[covered, :3].mean(), rel=0.05)

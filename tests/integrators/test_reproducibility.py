@@ -14,7 +14,7 @@ from support.rendering import ALL, build, plan, rgba
 TALL = {"width": 72, "height": 80}
 COMMON = {"depth": 5, "seed": 7, "filter": "gaussian"}
 # Ten units or so.
-SETTINGS = {i: {"samples": n, **COMMON} for i, n in (("path", 4), ("bdpt", 4), ("mlt", 36))}
+SETTINGS = {i: {"samples": n, **COMMON} for i, n in (("path", 4), ("bdpt", 4), ("mlt", 48))}
 
 
 @pytest.fixture(scope="module", params=["layers", "instances"])

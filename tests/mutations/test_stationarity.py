@@ -41,10 +41,22 @@ def test_so_it_does_without_short_paths_and_with_a_weighted_target() -> None:
     require_stationarity("mirrors_and_floor", 30000, rounds=2, min_edges=3, two_stage=True)
 
 
+@pytest.mark.parametrize("name", ["mirrors_and_floor", "pool"])
+def test_so_it_does_with_the_target_that_the_selective_split_leaves(name: str) -> None:
+    """The starts' weights have the split's part from the weights of bidirectional samples, the
+    chains from the densities of finished paths."""
+    require_stationarity(name, 30000, rounds=2, two_stage=True, selective=True)
+
+
+VARIANTS = {
+    "all light": {"min_edges": 1},
+    "no direct light, two stages": {"min_edges": 3, "two_stage": True},
+    "the rest of a split": {"min_edges": 1, "two_stage": True, "selective": True},
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("min_edges", "two_stage"), [(1, False), (3, True)])
+@pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("name", CLASS_SCENES | SCENES)
-def test_it_does_in_every_scene(name: str, min_edges: int, two_stage: bool) -> None:
-    require_stationarity(
-        name, 60000, rounds=5, steps=2, min_edges=min_edges, two_stage=two_stage, seed=1
-    )
+def test_it_does_in_every_scene(name: str, variant: str) -> None:
+    require_stationarity(name, 60000, rounds=5, steps=2, seed=1, **VARIANTS[variant])

@@ -18,14 +18,21 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 @pytest.fixture(scope="module")
 def image() -> usdmlt.Image:
-    return usdmlt.render(scenes.build("smooth_glass"), mutations=256, filter="box", depth=8)
+    """All light but the direct one by chains."""
+    return usdmlt.render(
+        scenes.build("smooth_glass"), mutations=256, filter="box", depth=8, selective=False
+    )
 
 
 def test_the_numbers_of_the_chains_are_there_and_fit_together(image: usdmlt.Image) -> None:
     stats = image.stats
     assert stats["integrator"] == "mlt"
-    assert stats["mutations"] == 256 * 24 * 16
-    assert stats["samples_per_pixel"] == 256
+    # Units are whole: the work that was asked for, and less than one unit more.
+    units = stats["units_total"]
+    assert stats["samples_per_pixel"] * (units - 1) / units < 256 <= stats["samples_per_pixel"]
+    chains = 1 - stats["share_of_bidirectional_samples"]
+    assert stats["mutations"] == pytest.approx(stats["samples_per_pixel"] * 24 * 16 * chains)
+    assert 0.7 < chains < 0.8
     assert stats["mutations_per_second"] == pytest.approx(stats["mutations"] / stats["seconds"])
     assert stats["rays_per_second"] > 0
     assert 0 < stats["b_error"] < stats["b"]
@@ -69,14 +76,16 @@ def test_energy_by_class_is_energy_by_length(image: usdmlt.Image) -> None:
     assert energies[2] > 0
 
 
+@pytest.mark.parametrize("selective", [False, True], ids=["all by chains", "split"])
 @pytest.mark.parametrize("scene", ["diffuse_box", "behind a slit"])
-def test_the_energies_add_up_to_the_picture(scene: str) -> None:
+def test_the_energies_add_up_to_the_picture(scene: str, selective: bool) -> None:
     """Also where many units find no light at all, and so make no step."""
     built = behind_a_slit() if scene == "behind a slit" else scenes.build(scene)
     options = {"mutations": 256, "direct": "mlt", "filter": "box", "depth": 5}
-    image = usdmlt.render(built, **options)
-    steps = image.stats["mutations"]
-    assert (steps < 256 * 24 * 16) == (scene == "behind a slit")
+    image = usdmlt.render(built, selective=selective, **options)
+    chains = 1 - image.stats["share_of_bidirectional_samples"]
+    planned = image.stats["samples_per_pixel"] * 24 * 16 * chains
+    assert (image.stats["mutations"] < 0.99 * planned) == (scene == "behind a slit")
     mean = float((image["color"].astype(np.float64) @ LUMINANCE).mean())
     assert sum(image.stats["path_length_energy"]) == pytest.approx(mean, rel=1e-5)
     assert sum(image.stats["path_class_energy"].values()) == pytest.approx(mean, rel=1e-5)
@@ -114,7 +123,8 @@ def test_progress_counts_mutations_and_ends_with_all_of_them() -> None:
     told: list[usdmlt.Progress] = []
     image = usdmlt.render(scenes.build("diffuse_box"), mutations=100, progress=told.append)
     assert told[-1].units_done == told[-1].units_total
-    assert told[-1].samples_done == image.stats["mutations"] >= 100 * 24 * 16
+    assert told[-1].samples_done == pytest.approx(image.stats["samples_per_pixel"] * 24 * 16)
+    assert told[-1].samples_done >= 100 * 24 * 16
     assert {p.samples_are for p in told} == {"mutations"}
 
 

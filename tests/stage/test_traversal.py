@@ -113,9 +113,7 @@ def test_meshes_below_meshes_are_found(read):
     assert names(read('def Cube "outer" { def Cube "inner" {} }')) == ["/outer", "/outer/inner"]
 
 
-@pytest.mark.parametrize(
-    "kind", ["Volume", "ParticleField3DGaussianSplat"]
-)
+@pytest.mark.parametrize("kind", ["Volume", "ParticleField3DGaussianSplat"])
 def test_unsupported_shapes_are_named_once_and_the_rest_is_read(examine, kind):
     found = examine(f'def {kind} "a" {{}}\ndef {kind} "b" {{}}\ndef Cube "c" {{}}')
     assert found.meshes == 1

@@ -133,8 +133,13 @@ def add_parser(subparsers: Any) -> None:
     mlt.add_argument(
         "--direct",
         choices=get_args(DirectName),
-        help="who renders direct light: the mutations (mlt) or path tracing (separate) "
-        "(default: auto, separate unless path tracing finds it too seldom)",
+        help="who renders direct light: path tracing alone (separate), or what renders all other "
+        "light (mlt) (default: auto, mlt where --selective is on)",
+    )
+    mlt.add_argument(
+        "--selective",
+        action=argparse.BooleanOptionalAction,
+        help="leave what bidirectional path tracing finds to it, and the rest to the mutations",
     )
     mlt.add_argument(
         "--two-stage",
@@ -202,7 +207,9 @@ def _run(arguments: argparse.Namespace) -> int:
 def _given(arguments: argparse.Namespace) -> dict[str, Any]:
     """The settings that flags were given for."""
     names = ("integrator", "samples", "mutations", "time", "depth", "seed", "threads", "filter")
-    values = {name: getattr(arguments, name) for name in (*names, "direct", "two_stage")}
+    values = {
+        name: getattr(arguments, name) for name in (*names, "direct", "selective", "two_stage")
+    }
     values["mutation_weights"] = parse_weights(arguments.mutation_weights)
     return {name: value for name, value in values.items() if value is not None}
 
@@ -338,6 +345,6 @@ def _outcome(output: str, rendering: Rendering, stats: dict[str, Any]) -> str:
         else f"units 0:{rendering.units_done}"
     )
     return (
-        f"wrote {output}: {stats['samples_per_pixel']:g} {_samples(rendering)} ({share}) "
+        f"wrote {output}: {round(stats['samples_per_pixel'], 1):g} {_samples(rendering)} ({share}) "
         f"in {stats['seconds']:.1f} s"
     )

@@ -27,6 +27,7 @@ FIELDS: dict[str, tuple[str, type]] = {
     "filter": ("filter", str),
     "error": ("error", bool),
     "direct": ("direct", str),
+    "selective": ("selective", bool),
     "twoStage": ("two_stage", bool),
 }
 

@@ -1,0 +1,23 @@
+// Selective split: of every path a part goes to bidirectional path tracing, and the rest to the
+// chains (as Bitterli & Jarosz 2019, "Selectively metropolised Monte Carlo light transport
+// simulation", with weights of our own). The part is a function of the path alone, so that the sum
+// of the two is exact.
+#pragma once
+
+#include <limits>
+
+namespace usdmlt {
+
+// With r = f*/p, p² = Σ_s p_s² (density under the power heuristic), the chains take
+//     g = c²r² / (1 + c²r²)
+// of a path, which leaves (1 − g) r < 1/c to bidirectional path tracing: no fireflies.
+struct Split {
+    double c_squared = std::numeric_limits<double>::infinity();  // ∞: the chains take everything
+
+    bool is_selective() const { return c_squared < std::numeric_limits<double>::infinity(); }
+    double of_chains(double r_squared) const {
+        return is_selective() ? 1 / (1 + 1 / (c_squared * r_squared)) : 1;
+    }
+};
+
+}  // namespace usdmlt
