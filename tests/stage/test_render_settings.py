@@ -79,22 +79,6 @@ def test_a_pass_without_settings_is_an_error(read):
         read(CAMERAS + 'def RenderPass "p" {}', render_pass="/p")
 
 
-def test_collections_of_a_pass_are_one_warning(examine):
-    text = (
-        CAMERAS
-        + """
-def RenderSettings "s" {}
-def RenderPass "p" {
-    rel renderSource = </s>
-    rel collection:prune:includes = </box>
-    bool collection:matte:includeRoot = 1
-}
-"""
-    )
-    warnings = {w.kind: w.paths for w in examine(text, render_pass="/p").warnings}
-    assert warnings["collections of render passes are ignored"] == ["/p (matte)", "/p (prune)"]
-
-
 @pytest.mark.parametrize(
     ("purposes", "warned"),
     [

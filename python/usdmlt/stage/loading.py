@@ -27,6 +27,7 @@ from usdmlt.stage.mesh_lights import MeshLights
 from usdmlt.stage.mtlx_files import with_mtlx_files
 from usdmlt.stage.networks import Networks
 from usdmlt.stage.opening import open_stage, time_code, usd_diagnostics
+from usdmlt.stage.render_passes import PassVisibility
 from usdmlt.stage.render_settings import Product, RenderSettings, read_render_settings
 from usdmlt.stage.skinning import Skinning
 from usdmlt.stage.texture_memory import limit_textures
@@ -146,7 +147,8 @@ def _read_content(
     """Geometry, materials, textures and lights; ``camera`` None: the one that frames them all."""
     textures = Textures(time, colors, report)
     materials = Materials(Networks(time, colors, textures, report), report)
-    traversal = Traversal(time, purposes, skinning, report, options.draw_modes)
+    visibility = PassVisibility(settings.render_pass, report)
+    traversal = Traversal(time, purposes, skinning, report, options.draw_modes, visibility)
     instancing = Instancing(stage, traversal, colors, settings.material_purpose, report)
     instancing.collect()
     detail = _detail(stage, time, purposes, options, settings, camera)

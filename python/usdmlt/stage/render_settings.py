@@ -19,7 +19,6 @@ CONFORM_POLICIES = (
     "adjustApertureHeight",
     "adjustPixelAspectRatio",
 )
-PASS_COLLECTIONS = ("renderVisibility", "cameraVisibility", "matte", "prune")
 # What render vars may be that every picture has: its colour and its coverage.
 COLORS = {"color", "Ci", "beauty", "rgb", "rgba", "RGB", "RGBA", "C", "C.*", "C.*[LO]"}
 ALPHAS = {"a", "alpha", "A"}
@@ -55,7 +54,7 @@ class RenderSettings:
     color_space: str | None = None
     products: list[Product] = field(default_factory=list)
     product: str | None = None  # the one whose opinions count
-    render_pass: str | None = None
+    render_pass: Usd.Prim | None = None
     usdmlt: dict[str, Any] = field(default_factory=dict)  # fields of usdmlt.Settings
 
 
@@ -65,9 +64,9 @@ def read_render_settings(
     """The settings that the options name, else those of the stage's ``renderSettingsPrimPath``,
     else the first there are, with the opinions of one product over them."""
     options = options or LoadOptions()
-    render_pass = _pass(stage, options, report)
+    render_pass = _pass(stage, options)
     prim = _find(stage, options, render_pass, report)
-    result = RenderSettings(render_pass=str(render_pass.GetPath()) if render_pass else None)
+    result = RenderSettings(render_pass=render_pass)
     if prim is None:
         if options.product is not None:
             raise Error(f"{options.product}: no such product; the stage has no render settings")
@@ -177,20 +176,10 @@ def _find(
     return None
 
 
-def _pass(stage: Usd.Stage, options: LoadOptions, report: Report) -> Usd.Prim | None:
+def _pass(stage: Usd.Stage, options: LoadOptions) -> Usd.Prim | None:
     if options.render_pass is None:
         return None
-    prim = _required(stage, options.render_pass, UsdRender.Pass, "RenderPass")
-    for name in PASS_COLLECTIONS:
-        collection = Usd.CollectionAPI(prim, name)
-        targets = [
-            *collection.GetIncludesRel().GetTargets(),
-            *collection.GetExcludesRel().GetTargets(),
-        ]
-        root = collection.GetIncludeRootAttr()
-        if targets or (root and root.HasAuthoredValue()):
-            report.warn("collections of render passes are ignored", f"{prim.GetPath()} ({name})")
-    return prim
+    return _required(stage, options.render_pass, UsdRender.Pass, "RenderPass")
 
 
 def _required(stage: Usd.Stage, path: str, schema: type, name: str) -> Usd.Prim:

@@ -16,6 +16,7 @@ from usdmlt.scene import Light, Mesh
 from usdmlt.stage import gprims, lights, tessellated
 from usdmlt.stage.draw_modes import STAND_IN, draw_mode
 from usdmlt.stage.points import alike
+from usdmlt.stage.render_passes import PassVisibility
 from usdmlt.stage.skinning import Skinning
 
 IDENTITY = Gf.Matrix4d(1.0)
@@ -87,7 +88,8 @@ _ANY_PURPOSE = ("instancer", "skeleton root")
 
 
 class Traversal:
-    """Walks one stage at one time. ``draw_modes``: whether models are drawn as they ask for."""
+    """Walks one stage at one time. ``draw_modes``: whether models are drawn as they ask for;
+    ``visibility``: what of it a render pass leaves."""
 
     def __init__(
         self,
@@ -96,8 +98,10 @@ class Traversal:
         skinning: Skinning,
         report: Report,
         draw_modes: bool = True,
+        visibility: PassVisibility | None = None,
     ):
         self.time = time
+        self.visibility = visibility or PassVisibility(None, report)
         self.draw_modes = draw_modes
         self.purposes = {"default", *purposes}
         self.skinning = skinning
@@ -116,6 +120,8 @@ class Traversal:
         stack = [(prim, IDENTITY, purpose) for prim in reversed(roots)]
         while stack:
             prim, transform, purpose = stack.pop()
+            if self.visibility.prunes(prim):
+                continue
             kind = self._kind(prim)
             if kind.imageable:
                 attribute = prim.GetAttribute("visibility")
@@ -128,13 +134,14 @@ class Traversal:
                 local, resets = self.xforms.GetLocalTransformation(prim)
                 transform = local * (group.from_world if resets else transform)
             if self.draw_modes and draw_mode(prim):
-                if purpose in self.purposes:
+                if purpose in self.purposes and self.visibility.shows(prim):
                     group.gprims.append(Placed(prim, STAND_IN, transform, purpose))
                 continue
             if prim.IsInstance():
                 group.instances.append(Placed(prim, "", transform, purpose))
                 continue
-            if kind.role and (purpose in self.purposes or kind.role in _ANY_PURPOSE):
+            shown = purpose in self.purposes or kind.role in _ANY_PURPOSE
+            if kind.role and shown and self.visibility.shows(prim):
                 self._sort(group, prim, kind, transform, purpose)
             if kind.descend:
                 children = prim.GetFilteredChildren(predicate)
