@@ -315,3 +315,18 @@ def test_what_usd_did_is_traced(call: Call, form: str) -> None:
 def test_flags_of_usdrecord_without_effect_are_accepted(call: Call) -> None:
     flags = ("--disableGpu", "-r", "usdmlt", "--disableDrawMode", "-c", "low")
     assert call("render", "s.usda", "a.exr", *QUICK, *flags)[0] == 0
+
+
+def test_render_takes_the_same_options_and_what_the_stage_asks_for(call: Call) -> None:
+    """Its settings say 3 samples and 16 pixels; arguments go before them."""
+    import usdmlt
+
+    image = usdmlt.render("s.usda", integrator="path")
+    assert (image.width, image.stats["samples_per_pixel"]) == (16, 3)
+    assert image.stats["settings"]["two_stage"] is False
+    options = {"variants": {"/cube:size": "large"}, "render_settings": "/Render/high"}
+    image = usdmlt.render("s.usda", integrator="path", samples=1, depth=2, **options)
+    assert (image.width, image.stats["samples_per_pixel"]) == (32, 1)
+    assert image["alpha"].mean() > 0.9
+    with pytest.raises(TypeError, match="sampels"):
+        usdmlt.render("s.usda", sampels=3)
