@@ -312,8 +312,35 @@ def test_what_usd_did_is_traced(call: Call, form: str) -> None:
     assert (form == "chrome") == text.lstrip().startswith("{")
 
 
+def test_complexity_is_how_finely_surfaces_are_subdivided(call: Call) -> None:
+    with open("s.usda", "a") as stage:
+        stage.write("""def Mesh "m" {
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+}
+""")
+    counts = [inspected(call, "-c", level)["triangles"] for level in ("low", "medium", "veryhigh")]
+    assert counts == sorted(counts) and len(set(counts)) == 3
+
+
+def test_models_are_drawn_as_they_ask_for_or_not(call: Call) -> None:
+    with open("s.usda", "a") as stage:
+        stage.write("""def Xform "model" (
+    kind = "component"
+    prepend apiSchemas = ["GeomModelAPI"]
+) {
+    uniform token model:drawMode = "cards"
+    float3[] extentsHint = [(-1, -1, -1), (1, 1, 1)]
+    def Sphere "ball" {}
+}
+""")
+    drawn, whole = inspected(call), inspected(call, "--disableDrawMode")
+    assert drawn["triangles"] < whole["triangles"]  # cards, and a sphere
+
+
 def test_flags_of_usdrecord_without_effect_are_accepted(call: Call) -> None:
-    flags = ("--disableGpu", "-r", "usdmlt", "--disableDrawMode", "-c", "low")
+    flags = ("--disableGpu", "-r", "usdmlt")
     assert call("render", "s.usda", "a.exr", *QUICK, *flags)[0] == 0
 
 
