@@ -70,8 +70,9 @@ struct Lobe {
     float coverage = 1;  // scalar part of the weight: what it takes from layers below
     Spectrum weight{1.0f};
     Spectrum tint_transmission{1.0f};
-    Spectrum color0{1.0f}, color90{};  // schlick; conductor: eta and k; eon: albedo; dielectric:
-                                       // tint of what it reflects
+    // Schlick: reflectances; conductor: eta and k; eon: albedo; dielectric: color0 tints
+    // reflection.
+    Spectrum color0{1.0f}, color90{};
     Spectrum edge{};  // schlick: what is taken off towards 82°, see fresnel.hpp
 };
 

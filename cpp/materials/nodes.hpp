@@ -23,7 +23,7 @@ struct Node {
 
 const Node* find_node(const std::string& name);  // null: there is none
 
-// The names of all nodes, for messages and for the Python side's check.
+// The names of all nodes, for tests.
 std::vector<std::string> node_names();
 
 }  // namespace usdmlt

@@ -362,3 +362,17 @@ def test_blackbodies_have_usds_colour(read):
     color = read(body).materials[0].closure.color
     assert color == pytest.approx(UsdLux.BlackbodyTemperatureAsRgb(3000))
     assert np.dot(color, (0.2126, 0.7152, 0.0722)) == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("mode", "ior", "thin"), [("R", 1.5, True), ("T", 1.0, True), ("T", 1.5, False)]
+)
+def test_thin_walls_of_closures_are_solids_where_they_refract(read, examine, mode, ior, thin):
+    nodes = node("bsdf", "ND_add_bsdf", connect("in1", "glass") + connect("in2", "cloth"))
+    nodes += node("cloth", "ND_translucent_bsdf")
+    glass = f'string inputs:scatter_mode = "{mode}"\nfloat inputs:ior = {ior}'
+    nodes += node("glass", "ND_dielectric_bsdf", glass)
+    surface = connect("bsdf", "bsdf") + "bool inputs:thin_walled = true"
+    body = MATERIAL.replace("SURFACE", surface).replace("NODES", nodes)
+    assert read(body).materials[0].thin_walled == thin
+    assert any("as solids" in w.kind for w in examine(body).warnings) != thin

@@ -295,5 +295,22 @@ def read_surface(networks: Networks, shader: UsdShade.Shader) -> Material:
         closure,
         opacity=networks.read(shader, "opacity", 1.0, "float"),
         normal=graph.normals[0] if graph.normals else None,
-        thin_walled=bool(networks.value(shader, "thin_walled", False)),
+        thin_walled=_is_thin_walled(networks, shader, closure),
     )
+
+
+def _is_thin_walled(networks: Networks, shader: UsdShade.Shader, closure: Closure | None) -> bool:
+    """As authored; but closures that refract bound a solid."""
+    if not networks.value(shader, "thin_walled", False):
+        return False
+    if _refracts(closure):
+        networks.report.warn("thin walls that refract are rendered as solids", shader.GetPath())
+        return False
+    return True
+
+
+def _refracts(closure: object) -> bool:
+    if isinstance(closure, (Dielectric, GeneralizedSchlick)):
+        return "T" in closure.scatter_mode and getattr(closure, "ior", None) != 1.0
+    parts = (Layer, Mix, Add, Multiply)
+    return isinstance(closure, parts) and any(map(_refracts, vars(closure).values()))
