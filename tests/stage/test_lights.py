@@ -302,3 +302,17 @@ def test_invisible_lights_give_no_light(read, kind):
     body = f'def {kind} "l" {{ token visibility = "invisible" }}'
     assert read(body, default_light=False).lights == []
     assert len(read(body.replace("invisible", "inherited")).lights) == 1
+
+
+@pytest.mark.parametrize(
+    ("attribute", "says"),
+    [
+        ("float inputs:exposure = 2000", "/l: exposure of the light is 2000"),
+        ("float inputs:shaping:focus = nan", "/l: shaping:focus is nan, not a number"),
+        ("float inputs:shaping:cone:angle = inf", "/l: shaping:cone:angle is inf"),
+        ("float inputs:intensity = nan", "/l: intensity is nan"),
+    ],
+)
+def test_numbers_that_cannot_be_name_the_light(read, attribute, says):
+    with pytest.raises(Error, match=says):
+        read(f"""def SphereLight "l" (prepend apiSchemas = ["ShapingAPI"]) {{ {attribute} }}""")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from support.rendering import picture
+from usdmlt.errors import Error
 from usdmlt.scene import (
     Add,
     Diffuse,
@@ -202,3 +203,15 @@ def test_coverage_stays_with_the_material_and_goes_without_it():
     material = Material(Diffuse(), opacity=0.5, name="m")
     assert lit(material, (1, 1, 1), "independent").opacity == 0.5
     assert lit(material, (1, 1, 1), "noMaterialResponse").opacity == 1
+
+
+def test_a_normalized_mesh_of_hardly_any_area_is_too_bright_for_floats(read):
+    text = """def Mesh "m" (prepend apiSchemas = ["MeshLightAPI"]) {
+        bool inputs:normalize = true
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+        point3f[] points = [(0, 0, 0), (1e-30, 0, 0), (0, 1e-30, 0)]
+        uniform token subdivisionScheme = "none"
+    }"""
+    with pytest.raises(Error, match="/m: the light's radiance is 2e\\+60"):
+        read(text)

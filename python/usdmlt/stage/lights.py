@@ -28,6 +28,8 @@ from usdmlt.stage.light_sizes import (
 from usdmlt.stage.numbers import finite_number
 from usdmlt.stage.textures import Textures
 
+LARGEST_EXPOSURE = 100.0  # stops: beyond, no float holds what it means
+
 
 class LightReader:
     """Reads lights; ``textures`` takes their images."""
@@ -99,12 +101,15 @@ class LightReader:
     def radiance(self, prim: Usd.Prim, size: float = 1.0, normalized: bool = False) -> scene.Color:
         """The light's radiance in the rendering colour space; ``size``: its normalization, which
         counts where the light asks for it or ``normalized`` is set."""
-        strength = self.number(prim, "intensity") * 2.0 ** self.number(prim, "exposure")
+        exposure = self.number(prim, "exposure")
+        if exposure > LARGEST_EXPOSURE:
+            raise Error(f"{prim.GetPath()}: exposure of the light is {exposure:g}")
+        strength = self.number(prim, "intensity") * 2.0**exposure
         if strength < 0:
             self.report.warn("lights of negative intensity are dark", prim.GetPath())
             strength = 0.0
         if normalized or self.value(prim, "normalize"):
-            strength /= size
+            strength = strength / size if size > 0 else 0.0
         # Color and blackbody multiply in Rec.709, where the blackbody is defined, so that the
         # light does not depend on the rendering space.
         attribute = self.attribute(prim, "color")
@@ -115,6 +120,8 @@ class LightReader:
             kelvin = self.number(prim, "colorTemperature")
             rec709 = rec709 * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin))
         rgb = self.colors.convert(strength * rec709, DEFAULT)
+        if not (np.abs(rgb) < np.finfo(np.float32).max).all():
+            raise Error(f"{prim.GetPath()}: the light's radiance is {np.abs(rgb).max():g}")
         return (float(rgb[0]), float(rgb[1]), float(rgb[2]))
 
     def mesh_radiance(self, prim: Usd.Prim, area: float) -> scene.Color:
@@ -129,19 +136,20 @@ class LightReader:
         applied = prim.HasAPI(UsdLux.ShapingAPI)
         if not applied and not any(self._authored(prim, f"shaping:{name}") for name in names):
             return None
-        values = [self.value(prim, f"shaping:{name}") for name in names]
         default = scene.Shaping()
+
+        def number(name: str, otherwise: float) -> float:
+            value = self.value(prim, f"shaping:{name}")
+            return otherwise if value is None else finite_number(prim, f"shaping:{name}", value)
+
         tint = self.attribute(prim, "shaping:focusTint")
+        color = tint.Get(self.time) if tint else None
         return scene.Shaping(
-            focus=default.focus if values[0] is None else float(values[0]),
-            focus_tint=default.focus_tint
-            if values[1] is None
-            else self.colors.color(values[1], tint),
-            cone_angle_degrees=default.cone_angle_degrees
-            if values[2] is None
-            else float(values[2]),
-            cone_softness=default.cone_softness if values[3] is None else float(values[3]),
-            ies=self._profile(prim, values[4]),
+            focus=number("focus", default.focus),
+            focus_tint=default.focus_tint if color is None else self.colors.color(color, tint),
+            cone_angle_degrees=number("cone:angle", default.cone_angle_degrees),
+            cone_softness=number("cone:softness", default.cone_softness),
+            ies=self._profile(prim, self.value(prim, "shaping:ies:file")),
         )
 
     def _profile(self, prim: Usd.Prim, asset: Sdf.AssetPath | None) -> scene.IesProfile | None:
@@ -159,8 +167,8 @@ class LightReader:
         if profile is None:
             return None
         scale = self.value(prim, "shaping:ies:angleScale")
-        normalize = bool(self.value(prim, "shaping:ies:normalize"))
-        return shaped(profile, 0.0 if scale is None else float(scale), normalize)
+        scale = 0.0 if scale is None else finite_number(prim, "shaping:ies:angleScale", scale)
+        return shaped(profile, scale, bool(self.value(prim, "shaping:ies:normalize")))
 
     def warn_of_shaping(self, prim: Usd.Prim, of: str = "lights at infinity") -> None:
         """Lights of some kinds are not shaped; say so where one was meant to be."""
