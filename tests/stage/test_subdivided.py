@@ -332,7 +332,7 @@ def test_subsets_bind_whole_faces(read):
     ],
 )
 def test_sharpness_that_does_not_fit_is_ignored_with_a_warning(examine, content, says):
-    found = examine(f'def Mesh "m" {{ {CUBE} {content} }}')
+    found = examine(f'def Mesh "m" {{ {CUBE} {content} }}', complexity="low")
     assert [w.paths for w in found.warnings if says in w.kind] == [["/m"]]
 
 
@@ -363,3 +363,13 @@ def test_odd_topology_is_subdivided_without_harm(only_mesh):
     assert np.linalg.norm(mesh.normals.values, axis=1) == pytest.approx(
         np.ones(len(mesh.normals.values)), abs=1e-5
     )
+
+
+def test_very_many_large_surfaces_are_coarser(monkeypatch, read):
+    """Each may take an eighth of what is left of the triangles for all."""
+    monkeypatch.setattr("usdmlt.stage.detail.BUDGET", 100_000)
+    body = "".join(f'def Mesh "m{i}" {{ {CUBE} }}\n' for i in range(30))
+    numbers = [len(mesh.triangles) for mesh in read(body).meshes]
+    assert numbers == sorted(numbers, reverse=True)
+    assert 1_000 < numbers[0] <= 12_500
+    assert sum(numbers) <= 100_000

@@ -13,7 +13,18 @@ from usdmlt.scene import Camera
 COMPLEXITIES = {"low": 0, "medium": 1, "high": 2, "veryhigh": 3}
 
 PIXELS = 2.0  # length of an edge
-LARGEST = 1 << 20  # triangles that a surface is refined to at most, unless the level is fixed
+# Triangles that a surface is refined to at most, unless the level is fixed: so many, and no more
+# than a share of what is left of a budget for all surfaces of the scene.
+LARGEST = 1 << 20
+BUDGET = 1 << 25
+SHARE = 8
+
+
+@dataclass
+class Budget:
+    """Triangles that may still be made."""
+
+    left: int
 
 
 @dataclass
@@ -30,6 +41,7 @@ class Detail:
     pixel: float = 0.0
     local: np.ndarray = field(default_factory=lambda: np.eye(4))
     placements: np.ndarray = field(default_factory=lambda: np.eye(4)[None])
+    budget: Budget = field(default_factory=lambda: Budget(BUDGET))
 
     @classmethod
     def of(cls, complexity: str | None, camera: Camera, width: int) -> Detail:
@@ -41,7 +53,7 @@ class Detail:
 
     def placed(self, local: np.ndarray, placements: np.ndarray) -> Detail:
         """The same for another mesh."""
-        return Detail(self.fixed, self.eye, self.pixel, local, placements)
+        return Detail(self.fixed, self.eye, self.pixel, local, placements, self.budget)
 
     def level(self, points: np.ndarray, edges: np.ndarray, corners: int) -> int:
         """The level at which the root mean square length of ``edges`` (n, 2) between ``points`` is
@@ -61,8 +73,10 @@ class Detail:
             size = self.pixel * np.maximum(distance, length / 2)
         pixels = math.sqrt(float(np.mean(np.square(length[size > 0] / size[size > 0]))))
         level = math.ceil(math.log2(max(pixels / PIXELS, 1.0)))
-        largest = int(math.log(max(LARGEST / (2 * corners), 1), 4)) + 1
-        return min(level, largest)
+        largest = min(LARGEST, self.budget.left // SHARE)
+        level = min(level, int(math.log(max(largest / (2 * corners), 1), 4)) + 1)
+        self.budget.left = max(self.budget.left - 2 * corners * 4 ** max(level - 1, 0), 0)
+        return level
 
     def pixels(self, points: np.ndarray, length: float) -> float:
         """How many pixels a length among ``points`` (n, 3) has where it looks largest."""
