@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from support.rendering import build
 from usdmlt.scene import Mesh, Primvar
 
 # A cube with outward faces.
@@ -190,3 +191,25 @@ def test_points_far_from_the_origin_keep_their_transform_in_double(only_mesh):
         uniform token[] xformOpOrder = ["xformOp:translate"] }""")
     assert mesh.transform.dtype == np.float64
     assert mesh.transform[3, 0] == 123456789.123
+
+
+@pytest.mark.parametrize("orientation", ["rightHanded", "leftHanded"])
+@pytest.mark.parametrize("scale", [(1, 1, 1), (-1, 1, 1), (1, -2, -1), (-1, -1, -3)])
+@pytest.mark.parametrize("scheme", ["none", "catmullClark"])
+def test_the_outside_stays_outside_whatever_the_orientation_and_scale(
+    read, orientation, scale, scheme
+):
+    """The core's triangles, seen from outside a cube: shading normals are those of the surface's
+    outer side, turned in by left-handedness alone and not by a mirroring transform."""
+    scene = read(f"""def Mesh "m" {{ {CUBE} uniform token subdivisionScheme = "{scheme}"
+        uniform token orientation = "{orientation}"
+        float3 xformOp:scale = {scale}
+        uniform token[] xformOpOrder = ["xformOp:scale"] }}""")
+    center = np.array(scale) / 2
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    hits = build(scene).intersect(center + 20 * axes, -axes)
+    assert np.isfinite(hits["distance"]).all()
+    outward = np.einsum("ij,ij->i", hits["normal"], axes)
+    assert outward == pytest.approx(
+        np.full(6, 1.0 if orientation == "rightHanded" else -1.0), abs=1e-3
+    )

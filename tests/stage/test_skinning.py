@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom, UsdSkel
+from pxr import Gf, Usd, UsdGeom, UsdSkel
 
 from usdmlt.stage import load
 
@@ -108,3 +108,36 @@ def test_the_stage_is_not_edited(write):
     before = stage.ExportToString()
     load(stage, frame=3)
     assert stage.ExportToString() == before
+
+
+def test_between_time_samples_joints_turn_evenly(write):
+    """At 2.5 the second joint has turned three quarters of the way, by quaternions: as in a file
+    that says so at that time."""
+    body = SKINNED.replace("SHAPES", "")
+    half = 0.75 * np.arctan2(0.6, 0.8)
+    turned = f"2.5: [(1, 0, 0, 0), ({np.cos(half)}, 0, {np.sin(half)}, 0)], 3:"
+    between = load(write(body), frame=2.5).meshes[0].points
+    sampled = load(write(body.replace("3:", turned), name="b.usda"), frame=2.5).meshes[0].points
+    assert between == pytest.approx(sampled, abs=1e-5)
+    assert np.abs(between - load(write(body), frame=3).meshes[0].points).max() > 0.05
+
+
+@pytest.mark.parametrize("frame", [1, 3])
+def test_subdivision_surfaces_are_made_of_skinned_points(write, frame):
+    """Bilinear ones keep their points: those that USD bakes."""
+    body = SKINNED.replace("SHAPES", "").replace("normal3f[] normals", "normal3f[] unused")
+    path = write(body)
+    text = path.read_text().replace('subdivisionScheme = "none"', 'subdivisionScheme = "bilinear"')
+    path.write_text(text)
+    mesh = load(path, frame=frame, complexity="medium").meshes[0]
+    stage = Usd.Stage.Open(str(path))
+    stage.SetEditTarget(stage.GetSessionLayer())
+    assert UsdSkel.BakeSkinning(
+        UsdSkel.Root(stage.GetPrimAtPath("/Model")), Gf.Interval(frame, frame)
+    )
+    prim = stage.GetPrimAtPath("/Model/mesh")
+    to_world = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(prim))
+    baked_points = np.array(UsdGeom.Mesh(prim).GetPointsAttr().Get(frame))
+    expected = baked_points @ to_world[:3, :3] + to_world[3, :3]
+    points = mesh.points @ mesh.transform[:3, :3] + mesh.transform[3, :3]
+    assert points[:4] == pytest.approx(expected, abs=1e-5)
