@@ -372,3 +372,18 @@ def test_knots_that_fall_are_refused(read):
             point3f[] points = [(0, 0, 0), (1, 0, 0)]
             int[] order = [2]
             double[] knots = [0, 1, 0, 1] }""")
+
+
+def test_short_curves_far_apart_have_few_samples(only_mesh):
+    """What lies between one curve and the next is no curve: each of these is 3 pixels long."""
+    starts = np.arange(30) * 10.0
+    points = [(x + 0.1 * i, 0.0, 0.0) for x in starts.tolist() for i in range(4)]
+    mesh = only_mesh(
+        f"""def BasisCurves "c" {{
+        uniform token type = "cubic"
+        uniform token basis = "bezier"
+        int[] curveVertexCounts = {[4] * 30}
+        point3f[] points = {points}
+        float[] widths = [0.01] ( interpolation = "constant" ) }}"""
+    )
+    assert len(mesh.triangles) == 30 * 6

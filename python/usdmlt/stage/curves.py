@@ -163,10 +163,12 @@ def _steps(points: np.ndarray, counts: np.ndarray, detail: Detail) -> int:
     """Samples per segment: so that neighbours are a few pixels apart."""
     if detail.fixed is not None:
         return 2 ** (detail.fixed + 1)
-    lengths = np.linalg.norm(np.diff(points.astype(np.float64), axis=0), axis=1)
-    if not len(lengths):
+    within = np.ones(len(points), dtype=bool)
+    within[np.cumsum(counts[counts > 0]) - 1] = False  # from the end of a curve to the next one
+    sides = np.diff(points.astype(np.float64), axis=0)[within[:-1]]
+    if not len(sides):
         return STEPS[0]
-    pixels = detail.pixels(points, float(np.sqrt(np.mean(np.square(lengths)))))
+    pixels = detail.pixels(points, float(np.sqrt(np.mean(np.square(sides).sum(axis=1)))))
     return int(np.clip(math.ceil(min(pixels, 1e6) / CHORD), *STEPS))
 
 
