@@ -158,8 +158,9 @@ def test_the_floor_is_lit_as_the_integral_says(name: str, frame: int) -> None:
 
     p = 2 * student.sf(np.abs(mean - expected[lit]) / error, SEEDS - 1)
     assert sidak(p) > 1e-4, (name, frame, float((mean / expected[lit]).mean()))
-    # Of frame 25's cone two pixels are looked at, at its edge.
-    slack = 2e-2 if frame == 25 else 5e-3
+    # The integral's own error: with other numbers of points it changes by as much. Of frame 25's
+    # cone two pixels are looked at, at its edge.
+    slack = 2e-2 if frame == 25 else 1e-2 if frame in FINE else 5e-3
     assert mean.sum() == pytest.approx(expected[lit].sum(), rel=slack)
 
 
