@@ -36,7 +36,8 @@ REPLAYED_RAYS = 1_000_000
 class Measurement:
     """One row: rates per second of processor time; None where a renderer does not tell.
 
-    ``samples``: camera samples; of mlt, mutations, whatever else the render did meanwhile.
+    ``samples``: camera samples; of mlt, mutations, whatever else the render did meanwhile. Chains
+    have all light here, that what is measured is they.
     """
 
     renderer: str
@@ -54,7 +55,9 @@ def measure(scene: Scene, integrator: ResolvedIntegrator, samples: int, depth: i
     pictures = []
     samples_done = rays = seconds = 0.0
     for seed in range(SEEDS):
-        settings = Settings(samples=samples, depth=depth, seed=seed, threads=1, filter="box")
+        settings = Settings(
+            samples=samples, depth=depth, seed=seed, threads=1, filter="box", selective=False
+        )
         render = native.plan_render(core_scene, settings, integrator)
         render.run(render.units_total, threads=1)
         stats = render.stats()
