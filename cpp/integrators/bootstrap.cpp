@@ -127,14 +127,13 @@ struct PathSink {
 }  // namespace
 
 Bootstrap::Bootstrap(const Scene& scene, const Settings& settings, MutationContext& context,
-                     const ImportanceMap& importance, const Split& split)
+                     const ImportanceMap& importance, const Split& split, const PixelSubset& pixels)
     : scene_(scene),
       settings_(settings),
       context_(context),
       importance_(importance),
       split_(split),
-      pixels_(scene.camera.width / settings.reduction, scene.camera.height / settings.reduction,
-              settings.filter, settings.reduction),
+      pixels_(pixels),
       scratch_(settings.depth) {}
 
 template <typename Sink>

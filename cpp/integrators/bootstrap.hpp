@@ -32,7 +32,7 @@ class Bootstrap {
 public:
     // `settings`: depth and min_edges bound the paths.
     Bootstrap(const Scene& scene, const Settings& settings, MutationContext& context,
-              const ImportanceMap& importance, const Split& split);
+              const ImportanceMap& importance, const Split& split, const PixelSubset& pixels);
 
     // Draws `count` samples of the stream `key` over the raster domain; returns b's estimate. 0: no
     // light was found.
@@ -66,7 +66,7 @@ private:
     MutationContext& context_;
     const ImportanceMap& importance_;
     const Split& split_;
-    PixelSubset pixels_;
+    const PixelSubset& pixels_;
     StrategyScratch scratch_;
     Path path_;  // scratch
     uint64_t key_ = 0;

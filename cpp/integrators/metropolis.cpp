@@ -183,7 +183,7 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
 
 MetropolisScratch::MetropolisScratch(const Scene& scene, const MetropolisPlan& plan)
     : context(scene, plan.domain, plan.paths.min_edges, plan.paths.depth),
-      bootstrap(scene, plan.paths, context, plan.importance, plan.split),
+      bootstrap(scene, plan.paths, context, plan.importance, plan.split, plan.pixels),
       target(context, plan.importance, plan.split, plan.paths.background),
       selection(plan.mutation_weights),
       statistics(plan.paths.depth) {
