@@ -56,7 +56,7 @@ struct EntrySink {
     const Split& split;
     std::vector<BootstrapEntry>& entries;
     uint32_t number = 0, pass = 0;
-    Vec2f raster, splat;
+    Vec2f raster{}, splat{};
     double sum = 0;
 
     // What the split leaves; null: it is lost.
@@ -64,7 +64,7 @@ struct EntrySink {
     double splat_scale = 1;
     bool in_image = true;
     RandomStream random{0};
-    Spectrum camera;
+    Spectrum camera{};
 
     bool place(Vec2f p, Sampler&) {
         splat = p;

@@ -8,6 +8,7 @@ namespace {
 // τ: of how many steps of a chain one is worth an independent sample. From 5 to 15 the scenes that
 // were measured differ by less than 20 %.
 constexpr double correlation = 10;
+constexpr double as_good = 1.02;
 
 }  // namespace
 
@@ -80,9 +81,11 @@ PilotNotes::Plan PilotNotes::plan_split(double b, const CoarsePicture& finished,
     for (const Note& note : notes_) total += note.weight;
     Plan best{{}, 0.5, 1};
     if (!(mean > 0) || !(total > 0)) return best;
+    // c · mean: the relative brightness of samples from which on chains have most of a path. It is
+    // bounded from below, as the brightest of all are missing here.
+    std::vector<Plan> plans;
     double least = std::numeric_limits<double>::infinity();
-    // c · mean: the relative brightness from which on samples go to the chains.
-    for (double c = 0x1p-8; c <= 0x1p9; c *= 2) {
+    for (double c = 0x1p-3; c <= 0x1p9; c *= 2) {
         Plan plan{{sqr(c / mean)}, 0, 0};
         double camera = 0, chains = 0, target = 0, all = 0;
         for (const Note& note : notes_) {
@@ -99,12 +102,15 @@ PilotNotes::Plan PilotNotes::plan_split(double b, const CoarsePicture& finished,
         const double root_camera = std::sqrt(camera * b * sample_cost) / mean;
         const double root_chains = std::sqrt(correlation * chains * target) * b / mean;
         const double error = sqr(root_camera + root_chains);
-        if (!(error < least)) continue;
-        least = error;
         plan.share = root_camera / (root_camera + root_chains);
         plan.relative_error = error / (all * b * sample_cost / sqr(mean));
-        best = plan;
+        plans.push_back(plan);
+        least = std::min(least, plan.relative_error);
     }
+    // Of what is as good, the one that leaves most to bidirectional samples: their light has no
+    // clumps, and their mean is sharper.
+    for (const Plan& plan : plans)
+        if (plan.relative_error <= as_good * least) return plan;
     return best;
 }
 
