@@ -48,9 +48,17 @@ void shape_occluded(const embree::OccludedFunctionArguments* args) {
 embree::Geometry Acceleration::new_triangles(const Mesh& mesh) const {
     const embree::Geometry geometry =
         library_->rtcNewGeometry(device_.get(), embree::triangle_geometry);
-    library_->rtcSetSharedGeometryBuffer(geometry, embree::vertex_buffer, 0, embree::format_float3,
-                                         mesh.positions.data(), 0, sizeof(Vec3f),
-                                         mesh.positions.size());
+    const auto set_positions = [&](unsigned step, const std::vector<Vec3f>& positions) {
+        library_->rtcSetSharedGeometryBuffer(geometry, embree::vertex_buffer, step,
+                                             embree::format_float3, positions.data(), 0,
+                                             sizeof(Vec3f), positions.size());
+    };
+    if (mesh.moves())
+        library_->rtcSetGeometryTimeStepCount(
+            geometry, static_cast<unsigned>(mesh.later_positions.size() + 1));
+    set_positions(0, mesh.positions);
+    for (size_t i = 0; i < mesh.later_positions.size(); ++i)
+        set_positions(static_cast<unsigned>(i + 1), mesh.later_positions[i]);
     library_->rtcSetSharedGeometryBuffer(geometry, embree::index_buffer, 0, embree::format_uint3,
                                          mesh.triangles.data(), 0, sizeof(Triangle),
                                          mesh.triangles.size());
@@ -61,7 +69,9 @@ embree::Geometry Acceleration::new_triangles(const Mesh& mesh) const {
 Acceleration::Acceleration(std::shared_ptr<const embree::Library> library, const std::string& isa,
                            const std::vector<Mesh>& meshes, uint32_t world_meshes,
                            const std::vector<MeshRange>& prototypes,
-                           const std::vector<Instance>& instances, const ShapeCallbacks& shapes)
+                           const std::vector<Instance>& instances,
+                           const std::vector<Affine3f>& instance_steps,
+                           const ShapeCallbacks& shapes)
     : library_(std::move(library)),
       device_(embree::new_device(*library_, isa)),
       scene_(nullptr, {library_.get()}),
@@ -108,8 +118,11 @@ Acceleration::Acceleration(std::shared_ptr<const embree::Library> library, const
             e.rtcNewGeometry(device_.get(), embree::instance_geometry);
         e.rtcSetGeometryInstancedScene(geometry, prototype_scenes_[instance.prototype].get());
         static_assert(sizeof(Affine3f) == 12 * sizeof(float));
-        e.rtcSetGeometryTransform(geometry, 0, embree::format_float3x4_column_major,
-                                  &instance.to_world);
+        if (instance.steps > 0) e.rtcSetGeometryTimeStepCount(geometry, instance.steps + 1);
+        for (uint32_t step = 0; step <= instance.steps; ++step)
+            e.rtcSetGeometryTransform(
+                geometry, step, embree::format_float3x4_column_major,
+                step == 0 ? &instance.to_world : &instance_steps[instance.first_step + step - 1]);
         e.rtcCommitGeometry(geometry);
         attach(scene_.get(), geometry);
         instance_first_mesh_.push_back(prototypes[instance.prototype].first);

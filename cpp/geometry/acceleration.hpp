@@ -17,6 +17,7 @@ struct Ray {
     float tnear = 0;
     Vec3f direction;
     float tfar = 0;
+    float time = 0;  // see motion.hpp
 };
 
 struct Hit {
@@ -25,6 +26,7 @@ struct Hit {
     uint32_t mesh;       // index into the scene's meshes; invalid_index: an analytic shape
     uint32_t primitive;  // triangle, or the shape's index
     uint32_t instance;   // invalid_index: placed in the world directly
+    float time;
 };
 
 // Consecutive meshes of the scene that are placed together.
@@ -34,7 +36,14 @@ struct MeshRange {
 
 struct Instance {
     uint32_t prototype = 0;
-    Affine3f to_world;
+    Affine3f to_world;        // where it moves: at the shutter's opening
+    uint32_t first_step = 0;  // its further transforms, among those of all instances
+    uint32_t steps = 0;       // 0: it does not move
+
+    // Of `all_steps`, the transforms of all instances that move at further equidistant times.
+    std::span<const Affine3f> later(const std::vector<Affine3f>& all_steps) const {
+        return {all_steps.data() + first_step, steps};
+    }
 };
 
 // Analytic shapes, intersected by callbacks: light shapes, whose sampled points and hit points
@@ -55,7 +64,7 @@ public:
     Acceleration(std::shared_ptr<const embree::Library> library, const std::string& isa,
                  const std::vector<Mesh>& meshes, uint32_t world_meshes,
                  const std::vector<MeshRange>& prototypes, const std::vector<Instance>& instances,
-                 const ShapeCallbacks& shapes);
+                 const std::vector<Affine3f>& instance_steps, const ShapeCallbacks& shapes);
 
     bool intersect(const Ray& ray, Hit& hit) const {
         embree::RayHit query;
@@ -67,6 +76,7 @@ public:
         hit.u = query.hit.u;
         hit.v = query.hit.v;
         hit.primitive = query.hit.prim_id;
+        hit.time = ray.time;
         if (query.hit.inst_id == embree::invalid_id) {
             hit.mesh = query.hit.geom_id < world_meshes_ ? query.hit.geom_id : invalid_index;
             hit.instance = invalid_index;
@@ -95,7 +105,7 @@ private:
                 ray.direction.x,
                 ray.direction.y,
                 ray.direction.z,
-                0,
+                ray.time,
                 ray.tfar,
                 0xffffffffu,
                 0,

@@ -83,6 +83,7 @@ std::shared_ptr<const Library> load_uncached(const std::string& path) {
     USDMLT_RESOLVE(rtcSetGeometryIntersectFunction);
     USDMLT_RESOLVE(rtcSetGeometryOccludedFunction);
     USDMLT_RESOLVE(rtcSetGeometryInstancedScene);
+    USDMLT_RESOLVE(rtcSetGeometryTimeStepCount);
     USDMLT_RESOLVE(rtcSetGeometryTransform);
     USDMLT_RESOLVE(rtcIntersect1);
     USDMLT_RESOLVE(rtcOccluded1);

@@ -114,6 +114,7 @@ struct Library {
     void (*rtcSetSharedGeometryBuffer)(Geometry, int type, unsigned slot, int format,
                                        const void* data, size_t offset, size_t stride,
                                        size_t count);
+    void (*rtcSetGeometryTimeStepCount)(Geometry, unsigned);
     void (*rtcSetGeometryUserData)(Geometry, void*);
     void (*rtcSetGeometryUserPrimitiveCount)(Geometry, unsigned);
     void (*rtcSetGeometryBoundsFunction)(Geometry, BoundsFunction, void* user);

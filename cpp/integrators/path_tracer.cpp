@@ -6,7 +6,8 @@
 namespace usdmlt {
 namespace {
 
-// Pairs of dimensions: the pixel, its filter and the lens, then those of each bounce.
+// Pairs of dimensions: the pixel, its filter and the lens, then those of each bounce. Where
+// anything moves, time comes after the lens.
 enum : int { camera_pairs = 3, light_pair = 0, direction_pair = 2, choice_pair, bounce_pairs };
 // Bounces whose numbers are stratified: beyond, plain random numbers are as good and cheaper.
 constexpr int stratified_pairs = camera_pairs + 4 * bounce_pairs;
@@ -40,11 +41,13 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
     SubpathVertex* previous = &scratch.vertices[0];
     SubpathVertex* v = &scratch.vertices[1];
     SubpathVertex& x0 = scratch.vertices[2];
-    const Vec3f lens =
-        camera.lens_radius > 0 ? camera.sample_lens(sampler.next_2d()) : camera.position;
-    camera_vertex(scene, lens, *previous);
-    const CameraRay camera_ray = camera.ray(raster, lens);
-    Ray ray{camera_ray.origin, camera_ray.tnear, camera_ray.direction, camera_ray.tfar};
+    const Vec2f u_lens = camera.lens_radius > 0 ? sampler.next_2d() : Vec2f{};
+    const float time = sample_time(scene, sampler);
+    const int first_pair = camera_pairs + (scene.has_motion ? 1 : 0);
+    const Vec3f lens = camera.sample_lens(u_lens, time);
+    camera_vertex(scene, lens, time, *previous);
+    const CameraRay camera_ray = camera.ray(raster, lens, time);
+    Ray ray{camera_ray.origin, camera_ray.tnear, camera_ray.direction, camera_ray.tfar, time};
 
     Spectrum radiance_sum, throughput(1.0f);
     double pdf = 0;         // of the ray's direction, by the BSDF
@@ -59,7 +62,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         statistics.energy[static_cast<size_t>(edges)] += luminance(value);
     };
     for (int k = 1; k <= settings.depth; ++k) {
-        const int pair = camera_pairs + (k - 1) * bounce_pairs;
+        const int pair = first_pair + (k - 1) * bounce_pairs;
         Hit hit;
         if (trace(scene, ray, sampler.stream(), statistics.rays, hit, v->opacity,
                   v->edge_transmittance)) {
@@ -69,7 +72,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             LightPoint point;
             if (!environment_point(scene.lights, ray.direction, point)) break;
             if (k == 1 && !settings.background) break;
-            light_vertex(scene, point, *v);
+            light_vertex(scene, point, time, *v);
         }
         if (v->is_light && k >= settings.min_edges) {
             Spectrum value = throughput * radiance(scene.lights, v->light, -ray.direction);
@@ -108,7 +111,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             throughput *= 1 / q;
         }
         pdf = sample.pdf;
-        ray = {offset_origin(*v, sample.direction), 0, sample.direction, infinite_distance};
+        ray = {offset_origin(*v, sample.direction), 0, sample.direction, infinite_distance, time};
         std::swap(v, previous);
     }
     return radiance_sum;

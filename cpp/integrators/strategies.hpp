@@ -47,9 +47,10 @@ public:
     }
 
     void sample(Sampler& camera_sampler, Sampler& light_sampler, Vec2f raster) {
-        trace_camera_subpath(scene_, camera_sampler, raster, settings_.depth + 1, statistics_.rays,
-                             camera_);
-        trace_light_subpath(scene_, light_sampler, settings_.depth, statistics_.rays, light_);
+        const float time = sample_time(scene_, camera_sampler);
+        trace_camera_subpath(scene_, camera_sampler, raster, time, settings_.depth + 1,
+                             statistics_.rays, camera_);
+        trace_light_subpath(scene_, light_sampler, time, settings_.depth, statistics_.rays, light_);
         for (int t = 2; t <= camera_.count; ++t) {
             hit_light(t);
             if (!camera_[t - 1].is_surface() || !camera_[t - 1].can_connect()) continue;
@@ -130,12 +131,12 @@ private:
         if (!x.can_connect()) return;
         const Camera& camera = scene_.camera;
         const Vec3f lens =
-            camera.lens_radius > 0 ? camera.sample_lens(sampler.next_2d()) : camera.position;
+            camera.sample_lens(camera.lens_radius > 0 ? sampler.next_2d() : Vec2f{}, x.time);
         Vec2f raster;
         Vec3f direction;
-        if (!camera.project(x.position, lens, raster, direction)) return;
+        if (!camera.project(x.position, lens, x.time, raster, direction)) return;
         if (!sink_.place(raster, sampler)) return;
-        camera_vertex(scene_, lens, end_[0]);
+        camera_vertex(scene_, lens, x.time, end_[0]);
         end_[0].throughput = Spectrum(1.0f);
         const Spectrum value = join(scene_, x, &light_[s - 2], end_[0], nullptr);
         if (is_black(value)) return;

@@ -44,7 +44,7 @@ bool sample_environment(const Lights& lights, double u_select, Vec2f u, LightPoi
 }
 
 // With or without a reference point.
-bool sample_x0(const Lights& lights, const Vec3f* reference, float u_select, Vec2f u,
+bool sample_x0(const Lights& lights, const Vec3f* reference, float u_select, Vec2f u, float time,
                LightPoint& point, double& pdf) {
     if (lights.empty()) return false;
     double u_choice = u_select, probability = 1;
@@ -72,8 +72,8 @@ bool sample_x0(const Lights& lights, const Vec3f* reference, float u_select, Vec
                 point.infinite = point.delta = true;
                 pdf = probability;
             } else if constexpr (std::is_same_v<L, MeshLight>) {
-                point = surface_point(light, choice.primitive, square_to_barycentrics(u));
-                pdf = probability / triangle_area(light, choice.primitive);
+                point = surface_point(light, choice.primitive, square_to_barycentrics(u), time);
+                pdf = probability / triangle_area(light, choice.primitive, time);
             } else {
                 return false;  // a dome: part of the environment
             }
@@ -100,7 +100,7 @@ double pdf_x0(const Lights& lights, const Vec3f* reference, const LightPoint& po
             } else {
                 const uint32_t emitter = emitter_index(light, point.primitive);
                 if (emitter == invalid_index) return 0.0;
-                return probability(emitter) / triangle_area(light, point.primitive);
+                return probability(emitter) / triangle_area(light, point.primitive, point.time);
             }
         },
         lights.lights[point.light]);
@@ -108,17 +108,18 @@ double pdf_x0(const Lights& lights, const Vec3f* reference, const LightPoint& po
 
 }  // namespace
 
-bool sample_point(const Lights& lights, float u_select, Vec2f u, LightPoint& point, double& pdf) {
-    return sample_x0(lights, nullptr, u_select, u, point, pdf);
+bool sample_point(const Lights& lights, float u_select, Vec2f u, float time, LightPoint& point,
+                  double& pdf) {
+    return sample_x0(lights, nullptr, u_select, u, time, point, pdf);
 }
 
 double pdf_point(const Lights& lights, const LightPoint& point) {
     return pdf_x0(lights, nullptr, point);
 }
 
-bool sample_direct(const Lights& lights, Vec3f reference, float u_select, Vec2f u,
+bool sample_direct(const Lights& lights, Vec3f reference, float u_select, Vec2f u, float time,
                    LightPoint& point, double& pdf) {
-    return sample_x0(lights, &reference, u_select, u, point, pdf);
+    return sample_x0(lights, &reference, u_select, u, time, point, pdf);
 }
 
 double pdf_direct(const Lights& lights, const LightPoint& point, Vec3f reference) {

@@ -56,8 +56,10 @@ LightPoint shape_point(const Lights& lights, int shape, Vec2f uv) {
     return point;
 }
 
-LightPoint mesh_point(const Lights& lights, uint32_t light, uint32_t triangle, float b1, float b2) {
-    LightPoint point = surface_point(std::get<MeshLight>(lights.lights[light]), triangle, {b1, b2});
+LightPoint mesh_point(const Lights& lights, uint32_t light, uint32_t triangle, float b1, float b2,
+                      float time) {
+    LightPoint point =
+        surface_point(std::get<MeshLight>(lights.lights[light]), triangle, {b1, b2}, time);
     point.light = light;
     return point;
 }

@@ -113,8 +113,8 @@ uint32_t add_dome(Lights& lights, const Affine3f& transform, const Spectrum& rad
 }
 
 uint32_t add_mesh(Lights& lights, const Mesh& mesh, const Affine3f& to_world,
-                  const Materials& materials) {
-    return add(lights, MeshLight(mesh, to_world, materials));
+                  std::span<const Affine3f> later, const Materials& materials) {
+    return add(lights, MeshLight(mesh, to_world, later, materials));
 }
 
 void Lights::finish(Vec3f center, float radius) {

@@ -77,20 +77,23 @@ uint32_t add_distant(Lights& lights, const Affine3f& transform, float angle_degr
                      const Spectrum& radiance);
 uint32_t add_dome(Lights& lights, const Affine3f& transform, const Spectrum& radiance,
                   const Texture* texture = nullptr);
-// Mesh and materials must outlive the lights, as textures must.
+// Mesh, materials and `later` transforms (see motion.hpp) must outlive the lights, as textures
+// must.
 uint32_t add_mesh(Lights& lights, const Mesh& mesh, const Affine3f& to_world,
-                  const Materials& materials);
+                  std::span<const Affine3f> later, const Materials& materials);
 
 // ---------------------------------------------------------------------------------------------
 // x0. Densities are in area measure or, at infinity, in solid angle; discrete for Dirac lights.
-// All samplers return false where they find no light; that is a sample of value zero.
+// All samplers return false where they find no light; that is a sample of value zero. `time` is the
+// path's: meshes may move; analytic lights stand still.
 
 // A density that depends on nothing.
-bool sample_point(const Lights& lights, float u_select, Vec2f u, LightPoint& point, double& pdf);
+bool sample_point(const Lights& lights, float u_select, Vec2f u, float time, LightPoint& point,
+                  double& pdf);
 double pdf_point(const Lights& lights, const LightPoint& point);
 
 // A density that depends on the point that is to be lit.
-bool sample_direct(const Lights& lights, Vec3f reference, float u_select, Vec2f u,
+bool sample_direct(const Lights& lights, Vec3f reference, float u_select, Vec2f u, float time,
                    LightPoint& point, double& pdf);
 double pdf_direct(const Lights& lights, const LightPoint& point, Vec3f reference);
 
@@ -124,6 +127,7 @@ bool intersect_shape(const Lights& lights, int shape, Vec3f origin, Vec3f direct
                      float tfar, float& t, Vec2f& uv);
 LightPoint shape_point(const Lights& lights, int shape, Vec2f uv);
 
-LightPoint mesh_point(const Lights& lights, uint32_t light, uint32_t triangle, float b1, float b2);
+LightPoint mesh_point(const Lights& lights, uint32_t light, uint32_t triangle, float b1, float b2,
+                      float time);
 
 }  // namespace usdmlt

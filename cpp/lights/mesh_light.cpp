@@ -24,14 +24,15 @@ double average_emission(const MeshLight& light, uint32_t triangle, int n) {
 
 }  // namespace
 
-MeshLight::MeshLight(const Mesh& mesh, const Affine3f& to_world, const Materials& materials)
-    : mesh(&mesh), materials(&materials), to_world(to_world) {
+MeshLight::MeshLight(const Mesh& mesh, const Affine3f& to_world, std::span<const Affine3f> later,
+                     const Materials& materials)
+    : mesh(&mesh), materials(&materials), to_world(to_world), later(later) {
     const auto material = [&](uint32_t i) -> const Material& {
         return materials.materials[mesh.material_of(i)];
     };
     const auto count = static_cast<uint32_t>(mesh.triangles.size());
     for (uint32_t i = 0; i < count; ++i)
-        if (material(i).is_emissive && triangle_area(*this, i) > 0) triangles.push_back(i);
+        if (material(i).is_emissive && triangle_area(*this, i, 0) > 0) triangles.push_back(i);
     if (triangles.empty()) return;
 
     // Few triangles may each show much of a texture: about 20 000 lookups in all.
@@ -41,7 +42,7 @@ MeshLight::MeshLight(const Mesh& mesh, const Affine3f& to_world, const Materials
     double total_area = 0, total_flux = 0;
     for (const uint32_t i : triangles) {
         emission.push_back(average_emission(*this, i, material(i).is_constant ? 1 : n));
-        const double area = triangle_area(*this, i);
+        const double area = triangle_area(*this, i, 0);
         total_area += area;
         total_flux += area * emission.back();
     }
@@ -51,17 +52,19 @@ MeshLight::MeshLight(const Mesh& mesh, const Affine3f& to_world, const Materials
     for (size_t k = 0; k < triangles.size(); ++k) {
         const double value =
             material(triangles[k]).is_constant ? emission[k] : std::max(emission[k], least);
-        flux.push_back(2 * std::numbers::pi * triangle_area(*this, triangles[k]) * value);
+        flux.push_back(2 * std::numbers::pi * triangle_area(*this, triangles[k], 0) * value);
     }
 }
 
-LightPoint surface_point(const MeshLight& light, uint32_t triangle, Vec2f uv) {
+LightPoint surface_point(const MeshLight& light, uint32_t triangle, Vec2f uv, float time) {
     const Mesh& mesh = *light.mesh;
-    const Vec3f a = mesh.corner(triangle, 0), b = mesh.corner(triangle, 1),
-                c = mesh.corner(triangle, 2);
+    const Vec3f a = mesh.corner(triangle, 0, time), b = mesh.corner(triangle, 1, time),
+                c = mesh.corner(triangle, 2, time);
+    const Affine3f to_world = transform_at(light.to_world, light.later, time);
     LightPoint point;
-    point.position = light.to_world.point(a * (1 - uv.x - uv.y) + b * uv.x + c * uv.y);
-    point.normal = normalize(light.to_world.normal(cross(b - a, c - a)));
+    point.position = to_world.point(a * (1 - uv.x - uv.y) + b * uv.x + c * uv.y);
+    point.normal = normalize(to_world.normal(cross(b - a, c - a)));
+    point.time = time;
     point.uv = uv;
     point.primitive = triangle;
     return point;
@@ -72,10 +75,11 @@ Spectrum surface_radiance(const MeshLight& light, uint32_t triangle, Vec2f uv) {
                     uv.x, uv.y);
 }
 
-double triangle_area(const MeshLight& light, uint32_t triangle) {
-    const Vec3f a = light.mesh->corner(triangle, 0);
-    const Vec3f ab = light.to_world.vector(light.mesh->corner(triangle, 1) - a);
-    const Vec3f ac = light.to_world.vector(light.mesh->corner(triangle, 2) - a);
+double triangle_area(const MeshLight& light, uint32_t triangle, float time) {
+    const Affine3f to_world = transform_at(light.to_world, light.later, time);
+    const Vec3f a = light.mesh->corner(triangle, 0, time);
+    const Vec3f ab = to_world.vector(light.mesh->corner(triangle, 1, time) - a);
+    const Vec3f ac = to_world.vector(light.mesh->corner(triangle, 2, time) - a);
     return 0.5 * length(cross(to_double(ab), to_double(ac)));
 }
 

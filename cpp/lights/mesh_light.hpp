@@ -14,17 +14,20 @@ namespace usdmlt {
 struct MeshLight {
     const Mesh* mesh = nullptr;
     const Materials* materials = nullptr;
-    Affine3f to_world;
+    Affine3f to_world;                // where it moves: at the shutter's opening
+    std::span<const Affine3f> later;  // see motion.hpp
     std::vector<uint32_t> triangles;  // those that emit, ascending
-    std::vector<double> flux;         // of each: 2π · area · average importance of its radiance
+    // Of each, at the shutter's opening: 2π · area · average importance of its radiance.
+    std::vector<double> flux;
 
     MeshLight() = default;
-    MeshLight(const Mesh& mesh, const Affine3f& to_world, const Materials& materials);
+    MeshLight(const Mesh& mesh, const Affine3f& to_world, std::span<const Affine3f> later,
+              const Materials& materials);
 };
 
-LightPoint surface_point(const MeshLight& light, uint32_t triangle, Vec2f uv);
+LightPoint surface_point(const MeshLight& light, uint32_t triangle, Vec2f uv, float time);
 Spectrum surface_radiance(const MeshLight& light, uint32_t triangle, Vec2f uv);
-double triangle_area(const MeshLight& light, uint32_t triangle);  // in the world
+double triangle_area(const MeshLight& light, uint32_t triangle, float time);  // in the world
 
 // Position of a triangle in `triangles`, or invalid_index.
 uint32_t emitter_index(const MeshLight& light, uint32_t triangle);

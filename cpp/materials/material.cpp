@@ -192,11 +192,12 @@ float opacity(const Materials& materials, uint32_t index, const Mesh& mesh, uint
     return unit_interval(value);
 }
 
-Vec3f tangent_along_s(const Mesh& mesh, uint32_t triangle, uint32_t slot) {
+Vec3f tangent_along_s(const Mesh& mesh, uint32_t triangle, uint32_t slot, float time) {
     const TextureTriangle t = texture_triangle(mesh, triangle, slot);
     if (t.area == 0) return {};
-    const Vec3f e1 = mesh.corner(triangle, 1) - mesh.corner(triangle, 0);
-    const Vec3f e2 = mesh.corner(triangle, 2) - mesh.corner(triangle, 0);
+    const Vec3f origin = mesh.corner(triangle, 0, time);
+    const Vec3f e1 = mesh.corner(triangle, 1, time) - origin;
+    const Vec3f e2 = mesh.corner(triangle, 2, time) - origin;
     const Vec3f dpds = (e1 * t.e2.y - e2 * t.e1.y) / t.area;
     return is_finite(dpds) ? dpds : Vec3f{};
 }

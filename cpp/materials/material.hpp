@@ -74,6 +74,6 @@ inline bool is_opaque(const Materials& materials, uint32_t material) {
 
 // ∂p/∂s in the mesh's own space, for `dpds` (transform it to world as a vector). Zero where the
 // mesh lacks the primvar or its coordinates are degenerate.
-Vec3f tangent_along_s(const Mesh& mesh, uint32_t triangle, uint32_t primvar);
+Vec3f tangent_along_s(const Mesh& mesh, uint32_t triangle, uint32_t primvar, float time = 0);
 
 }  // namespace usdmlt

@@ -60,7 +60,7 @@ bool start_at_infinity(MutationContext& context, const Path& x, const Walk& walk
         LightPoint point;
         if (!environment_point(lights, tilt(x[0].direction, angle, random.next_1d()), point))
             return false;
-        light_vertex(context.scene, point, fresh(y, 0));
+        light_vertex(context.scene, point, x.time, fresh(y, 0));
     }
     const LogarithmicRange range = offsets(context, x, walk);
     const double r = range.sample(random.next_double());
@@ -73,7 +73,7 @@ bool start_at_infinity(MutationContext& context, const Path& x, const Walk& walk
     // From outside the scene's sphere.
     const float back =
         std::max(dot(lights.scene_center - on_plane, direction), 0.0f) + 2 * lights.scene_radius;
-    ray = {on_plane + direction * back, 0, -direction, infinite_distance};
+    ray = {on_plane + direction * back, 0, -direction, infinite_distance, x.time};
     return true;
 }
 

@@ -145,6 +145,7 @@ inline void begin_replacement(MutationContext& context, const Path& x, Change& c
     for (int i = change.m; i <= k; ++i) y.at(i + change.m_y - change.m) = x.at(i);
     y.raster = x.raster;
     y.direct = x.direct;
+    y.time = x.time;
 }
 
 // A vertex of the arena, to be filled in.
@@ -154,7 +155,8 @@ inline Vertex& fresh(Path& y, int i) { return const_cast<Vertex&>(y[i]); }
 inline bool project_end(const MutationContext& context, Path& y) {
     const int k = y.edges();
     Vec3f direction;
-    return context.scene.camera.project(y[k - 1].position, y[k].position, y.raster, direction) &&
+    return context.scene.camera.project(y[k - 1].position, y[k].position, y.time, y.raster,
+                                        direction) &&
            context.domain.contains(y.raster);
 }
 
@@ -165,12 +167,12 @@ inline double density_from_eye(const MutationContext& context, const Path& path,
 }
 
 inline Ray ray_from(const Vertex& v, Vec3f direction) {
-    return {offset_origin(v, direction), 0, direction, infinite_distance};
+    return {offset_origin(v, direction), 0, direction, infinite_distance, v.time};
 }
 
-inline Ray camera_ray(const Camera& camera, Vec2f raster, Vec3f lens) {
-    const CameraRay ray = camera.ray(raster, lens);
-    return {ray.origin, ray.tnear, ray.direction, ray.tfar};
+inline Ray camera_ray(const Camera& camera, Vec2f raster, Vec3f lens, float time) {
+    const CameraRay ray = camera.ray(raster, lens, time);
+    return {ray.origin, ray.tnear, ray.direction, ray.tfar, time};
 }
 
 }  // namespace usdmlt

@@ -41,15 +41,16 @@ bool LensWalk<inner_chains>::propose(MutationContext& context, const Path& x, Pa
         const double move = lens_range(camera).sample(random.next_double());
         const Vec2f d = polar(move, random.next_1d());
         pdf *= lens_range(camera).pdf_plane(move);
-        lens = lens + camera.right * d.x + camera.up * d.y;
-        if (length(lens - camera.position) >= camera.lens_radius) return false;
+        const CameraPose pose = camera.pose(x.time);
+        lens = lens + pose.right * d.x + pose.up * d.y;
+        if (length(lens - pose.position) >= camera.lens_radius) return false;
     }
     change = {walk.end - 1, moves_lens ? k + 1 : k, 0, walk.end > 0 ? walk.end : -1};
     begin_replacement(context, x, change, k - walk.end + (moves_lens ? 1 : 0), y);
-    if (moves_lens) camera_vertex(scene, lens, fresh(y, k));
+    if (moves_lens) camera_vertex(scene, lens, x.time, fresh(y, k));
     y.raster = raster;
-    const Ray ray = camera_ray(camera, raster, lens);
-    pdf *= camera.pdf_ray(ray.direction);
+    const Ray ray = camera_ray(camera, raster, lens, x.time);
+    pdf *= camera.pdf_ray(ray.direction, x.time);
     if (!trace_walk(context, x, walk, ray, pdf, y)) return false;
     if (walk.end > 0) y.at(walk.end).edge = 1;
     return true;

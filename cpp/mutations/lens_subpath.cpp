@@ -77,8 +77,8 @@ bool LensSubpath::propose(MutationContext& context, const Path& x, Path& y, Chan
     begin_replacement(context, x, change, longest, y);
     y.raster = raster;
     const int lens = y.edges();
-    Ray ray = camera_ray(camera, raster, x[k].position);
-    double pdf = camera.pdf_ray(ray.direction) * context.domain.density_scale();
+    Ray ray = camera_ray(camera, raster, x[k].position, x.time);
+    double pdf = camera.pdf_ray(ray.direction, x.time) * context.domain.density_scale();
     context.recorded = 1;
     int i = lens - 1;
     for (;; --i) {

@@ -21,7 +21,8 @@ bool extend_from_eye(MutationContext& context, Path& y, int i) {
     const int k = y.edges();
     Vertex& v = fresh(y, i);
     if (i == k) {
-        camera_vertex(scene, scene.camera.sample_lens(context.random.next_2d()), v);
+        const Vec3f lens = scene.camera.sample_lens(context.random.next_2d(), y.time);
+        camera_vertex(scene, lens, y.time, v);
         context.recorded *= scene.camera.pdf_lens();
         return true;
     }
@@ -29,8 +30,8 @@ bool extend_from_eye(MutationContext& context, Path& y, int i) {
     double pdf;
     if (i == k - 1) {
         y.raster = context.domain.sample(context.random.next_2d());
-        ray = camera_ray(scene.camera, y.raster, y[k].position);
-        pdf = scene.camera.pdf_ray(ray.direction) * context.domain.density_scale();
+        ray = camera_ray(scene.camera, y.raster, y[k].position, y.time);
+        pdf = scene.camera.pdf_ray(ray.direction, y.time) * context.domain.density_scale();
     } else {
         if (!y[i + 1].is_surface()) return false;  // at infinity
         Vec3f direction;
@@ -54,10 +55,10 @@ bool extend_from_light(MutationContext& context, Path& y, int i, bool direct) {
         double pdf;
         const float u_select = random.next_1d();
         const Vec2f u = random.next_2d();
-        if (direct ? !sample_direct(scene.lights, y[1].position, u_select, u, point, pdf)
-                   : !sample_point(scene.lights, u_select, u, point, pdf))
+        if (direct ? !sample_direct(scene.lights, y[1].position, u_select, u, y.time, point, pdf)
+                   : !sample_point(scene.lights, u_select, u, y.time, point, pdf))
             return false;
-        light_vertex(scene, point, v);
+        light_vertex(scene, point, y.time, v);
         context.recorded *= pdf;
         return true;
     }
@@ -84,6 +85,9 @@ bool extend_from_light(MutationContext& context, Path& y, int i, bool direct) {
 bool make_segment(MutationContext& context, const Path& x, Change& change, int from_light,
                   int from_eye, Path& y) {
     begin_replacement(context, x, change, from_light + from_eye, y);
+    // What is all new has a new time, of density 1.
+    if (context.scene.has_motion && change.l < 0 && change.m > x.edges())
+        y.time = context.random.next_1d();
     const int k = y.edges(), s = change.l + 1 + from_light;
     context.recorded = 1;
     if (s > k || (s > 0 && k == 1)) return false;  // the lens is not hit; see has_strategy

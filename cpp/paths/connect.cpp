@@ -75,8 +75,9 @@ bool sample_light(const Scene& scene, Sampler& sampler, const SubpathVertex& z, 
     const Vec2f u = sampler.next_2d();
     const float u_select = scene.lights.has_choice() ? sampler.next_1d() : 0;
     LightPoint point;
-    if (!sample_direct(scene.lights, z.position, u_select, u, point, pdf_direct)) return false;
-    light_vertex(scene, point, x0);
+    if (!sample_direct(scene.lights, z.position, u_select, u, z.time, point, pdf_direct))
+        return false;
+    light_vertex(scene, point, z.time, x0);
     x0.throughput = Spectrum(static_cast<float>(1 / pdf_direct));
     return true;
 }
@@ -88,7 +89,8 @@ Spectrum join(const Scene& scene, const SubpathVertex& x, const SubpathVertex* x
     if (z_previous)
         value *= scattering(z, to_x, z.to_previous);
     else
-        value *= static_cast<float>(scene.camera.importance(to_x) / scene.camera.pdf_lens());
+        value *=
+            static_cast<float>(scene.camera.importance(to_x, z.time) / scene.camera.pdf_lens());
     if (is_black(value)) return {};
     if (x_previous)
         value *= scattering(x, x.to_previous, to_z);

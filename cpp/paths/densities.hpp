@@ -20,7 +20,7 @@ inline double density_from_light(const Scene& scene, const Vertex& x0, const Ver
 // p(lens → x): uniform over the film.
 inline double density_from_lens(const Scene& scene, const Vertex& lens, const Vertex& x,
                                 Vec3f direction, float edge) {
-    return area_density(scene.camera.pdf_ray(direction), lens, x, direction) * edge;
+    return area_density(scene.camera.pdf_ray(direction, lens.time), lens, x, direction) * edge;
 }
 
 // p(known → v → to): by scattering of the component at v; `known` and `direction` leave v, the

@@ -38,13 +38,13 @@ bool is_narrow(Component component, float pdf) {
 }
 
 // L S+ D. False where the walk goes another way.
-bool trace_photon(const Scene& scene, float select, Vec2f u_point, Vec2f u_direction,
+bool trace_photon(const Scene& scene, float select, Vec2f u_point, Vec2f u_direction, float time,
                   RandomStream& random, RayCounters& counters, Photon& photon) {
     LightPoint point;
     double pdf;
-    if (!sample_point(scene.lights, select, u_point, point, pdf)) return false;
+    if (!sample_point(scene.lights, select, u_point, time, point, pdf)) return false;
     Vertex v;
-    light_vertex(scene, point, v);
+    light_vertex(scene, point, time, v);
     Ray ray;
     if (!sample_light_ray(scene, v, u_direction, ray, pdf)) return false;
     for (int i = 0;; ++i) {
@@ -61,7 +61,7 @@ bool trace_photon(const Scene& scene, float select, Vec2f u_point, Vec2f u_direc
             return true;
         }
         if (!narrow || i == longest_chain) return false;
-        ray = {offset_origin(v, sample.direction), 0, sample.direction, infinite_distance};
+        ray = {offset_origin(v, sample.direction), 0, sample.direction, infinite_distance, time};
     }
 }
 
@@ -99,9 +99,10 @@ std::vector<Photon> trace_photons(const Scene& scene, uint64_t key, int wanted,
     for (uint32_t n = 0; n < eye_subpaths; ++n) {
         Sampler sampler(key, n, 8);
         const Vec2f u = sampler.next_2d();
+        const float time = sample_time(scene, sampler);
         trace_camera_subpath(scene, sampler,
                              {u.x * float(scene.camera.width), u.y * float(scene.camera.height)},
-                             longest_chain + 2, counters, path);
+                             time, longest_chain + 2, counters, path);
         for (int i = 2; i < path.count; ++i)
             if (path[i].is_surface() && path[i].can_connect() && leaves_narrowly(path, i - 1))
                 seen.push_back(path[i].position);
@@ -120,7 +121,8 @@ std::vector<Photon> trace_photons(const Scene& scene, uint64_t key, int wanted,
     std::vector<Start> successful;
     const auto try_start = [&](const Start& start) {
         Photon photon;
-        if (!trace_photon(scene, start.select, start.point, start.direction, random, counters,
+        const float time = scene.has_motion ? random.next_1d() : 0;
+        if (!trace_photon(scene, start.select, start.point, start.direction, time, random, counters,
                           photon) ||
             !cells.contains(grid.key_of(photon.position)))
             return false;

@@ -9,6 +9,7 @@ namespace usdmlt {
 void join_subpaths(const Subpath& light, int s, const Subpath& camera, int t, float edge,
                    Path& path) {
     path.vertices.clear();
+    path.time = camera[0].time;
     const auto append = [&](const SubpathVertex& v, float before) {
         PathVertex vertex;
         vertex.vertex = &v;
@@ -42,7 +43,8 @@ bool update_scattering(const Scene& scene, Path& path, int first, int last) {
         if (i == 0)
             v.scattering = radiance(scene.lights, path[0].light, path.to_eye(0)) * path[0].opacity;
         else if (i == k)
-            v.scattering = Spectrum(static_cast<float>(scene.camera.importance(path.to_light(k))));
+            v.scattering =
+                Spectrum(static_cast<float>(scene.camera.importance(path.to_light(k), path.time)));
         else
             v.scattering = scattering(path[i], path.to_light(i), path.to_eye(i), v.component) *
                            path[i].opacity;

@@ -28,6 +28,7 @@ struct Path {
     std::vector<PathVertex> vertices;
     Vec2f raster;       // where the lens sees it; for Metropolis light transport
     double direct = 0;  // density of x0 by direct sampling from x1
+    float time = 0;     // of all its vertices; see motion.hpp
 
     int edges() const { return static_cast<int>(vertices.size()) - 1; }
     const Vertex& operator[](int i) const { return *at(i).vertex; }

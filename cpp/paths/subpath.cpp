@@ -68,40 +68,41 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
             weight *= 1 / q;
         }
         pdf = sample.pdf;
-        ray = {offset_origin(v, sample.direction), 0, sample.direction, infinite_distance};
+        ray = {offset_origin(v, sample.direction), 0, sample.direction, infinite_distance, v.time};
     }
 }
 
 }  // namespace
 
-void trace_camera_subpath(const Scene& scene, Sampler& sampler, Vec2f raster, int max_vertices,
-                          RayCounters& counters, Subpath& path) {
+void trace_camera_subpath(const Scene& scene, Sampler& sampler, Vec2f raster, float time,
+                          int max_vertices, RayCounters& counters, Subpath& path) {
     const Camera& camera = scene.camera;
     const Vec3f lens =
-        camera.lens_radius > 0 ? camera.sample_lens(sampler.next_2d()) : camera.position;
+        camera.sample_lens(camera.lens_radius > 0 ? sampler.next_2d() : Vec2f{}, time);
     SubpathVertex& v = path[0];
-    camera_vertex(scene, lens, v);
+    camera_vertex(scene, lens, time, v);
     v.throughput = Spectrum(1.0f);
     v.pdf_forward = camera.pdf_lens();
     v.pdf_reverse = 0;
     v.strategy_sum = 0;  // no light subpath meets the lens
     path.count = 1;
     if (max_vertices < 2) return;
-    const CameraRay ray = camera.ray(raster, lens);
-    walk(scene, sampler, Known::eye, {ray.origin, ray.tnear, ray.direction, ray.tfar},
-         camera.pdf_ray(ray.direction), Spectrum(1.0f), max_vertices, counters, path);
+    const CameraRay ray = camera.ray(raster, lens, time);
+    walk(scene, sampler, Known::eye, {ray.origin, ray.tnear, ray.direction, ray.tfar, time},
+         camera.pdf_ray(ray.direction, time), Spectrum(1.0f), max_vertices, counters, path);
 }
 
-void trace_light_subpath(const Scene& scene, Sampler& sampler, int max_vertices,
+void trace_light_subpath(const Scene& scene, Sampler& sampler, float time, int max_vertices,
                          RayCounters& counters, Subpath& path) {
     path.count = 0;
     const float u_select = sampler.next_1d();
     const Vec2f u_point = sampler.next_2d(), u_direction = sampler.next_2d();
     LightPoint point;
-    if (max_vertices < 1 || !sample_point(scene.lights, u_select, u_point, point, path.pdf_point))
+    if (max_vertices < 1 ||
+        !sample_point(scene.lights, u_select, u_point, time, point, path.pdf_point))
         return;
     SubpathVertex& v = path[0];
-    light_vertex(scene, point, v);
+    light_vertex(scene, point, time, v);
     v.throughput = Spectrum(static_cast<float>(1 / path.pdf_point));
     v.pdf_forward = path.pdf_point;
     v.pdf_reverse = 0;

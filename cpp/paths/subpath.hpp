@@ -40,13 +40,18 @@ struct Subpath {
 // p_(s)/p_(s+1) between neighbouring strategies is squared: the power heuristic, β = 2.
 inline double squared_ratio(double a, double b) { return b > 0 ? (a / b) * (a / b) : 0; }
 
+// The time of a new path: uniform over the shutter's interval.
+inline float sample_time(const Scene& scene, Sampler& sampler) {
+    return scene.has_motion ? sampler.next_1d() : 0;
+}
+
 // Camera subpath of at most `max_vertices` vertices through a raster point; the first is the lens.
 // An escaping ray ends in a vertex at infinity where there is an environment.
-void trace_camera_subpath(const Scene& scene, Sampler& sampler, Vec2f raster, int max_vertices,
-                          RayCounters& counters, Subpath& subpath);
+void trace_camera_subpath(const Scene& scene, Sampler& sampler, Vec2f raster, float time,
+                          int max_vertices, RayCounters& counters, Subpath& subpath);
 
 // Light subpath of at most `max_vertices` vertices; empty where no light could be sampled.
-void trace_light_subpath(const Scene& scene, Sampler& sampler, int max_vertices,
+void trace_light_subpath(const Scene& scene, Sampler& sampler, float time, int max_vertices,
                          RayCounters& counters, Subpath& subpath);
 
 // Continuation probability of a walk whose throughput, relative to its start, is `throughput`.

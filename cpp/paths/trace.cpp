@@ -27,13 +27,14 @@ constexpr float segment_end = 1 - 0x1p-20f;
 
 HitPoint position_on_mesh(const Scene& scene, const Hit& hit) {
     const Mesh& mesh = scene.meshes[hit.mesh];
-    const Triangle& t = mesh.triangles[hit.primitive];
-    Vec3f p0 = mesh.positions[t.v[0]], p1 = mesh.positions[t.v[1]], p2 = mesh.positions[t.v[2]];
+    Vec3f p0 = mesh.corner(hit.primitive, 0, hit.time);
+    Vec3f p1 = mesh.corner(hit.primitive, 1, hit.time);
+    Vec3f p2 = mesh.corner(hit.primitive, 2, hit.time);
     HitPoint out;
     out.mirrored = false;
     float extra = 0;
     if (hit.instance != invalid_index) {
-        const Affine3f& m = scene.instances[hit.instance].to_world;
+        const Affine3f m = scene.placement(hit.instance, hit.time);
         // Rounding of the local coordinates, seen through the transform.
         const Vec3f local = max(abs(p0), max(abs(p1), abs(p2)));
         extra = max_component(abs(m.x) * local.x + abs(m.y) * local.y + abs(m.z) * local.z +
@@ -52,14 +53,25 @@ HitPoint position_on_mesh(const Scene& scene, const Hit& hit) {
     return out;
 }
 
-Vec3f interpolate(const CornerValues& values, const Triangle& triangle, uint32_t index, float u,
-                  float v) {
+Vec3f interpolate(const float* a, const float* b, const float* c, float u, float v) {
     const float b0 = 1 - u - v;
-    const float* a = values.at(triangle, index, 0);
-    const float* b = values.at(triangle, index, 1);
-    const float* c = values.at(triangle, index, 2);
     return {b0 * a[0] + u * b[0] + v * c[0], b0 * a[1] + u * b[1] + v * c[1],
             b0 * a[2] + u * b[2] + v * c[2]};
+}
+
+// The mesh's normals at a hit, not of unit length.
+Vec3f interpolated_normal(const Mesh& mesh, const Hit& hit) {
+    const auto at = [&](int corner, const std::vector<float>& values) {
+        return values.data() +
+               mesh.normals.offset(mesh.triangles[hit.primitive], hit.primitive, corner);
+    };
+    const auto of = [&](const std::vector<float>& values) {
+        return interpolate(at(0, values), at(1, values), at(2, values), hit.u, hit.v);
+    };
+    if (mesh.later_normals.empty()) return of(mesh.normals.values);
+    const TimeSegment t(hit.time, mesh.later_normals.size() + 1);
+    return interpolate(of(t.first == 0 ? mesh.normals.values : mesh.later_normals[t.first - 1]),
+                       of(mesh.later_normals[t.first]), t.fraction);
 }
 
 // Opacity of the surface a light point lies on: only meshes have one.
@@ -83,6 +95,7 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
     v.triangle = hit.primitive;
     v.instance = hit.instance;
     v.uv = {hit.u, hit.v};
+    v.time = hit.time;
     v.closure.guide = nullptr;
     if (hit.mesh == invalid_index) {
         // A light's own shape: emits, scatters nothing.
@@ -99,7 +112,6 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
         return;
     }
     const Mesh& mesh = scene.meshes[hit.mesh];
-    const Triangle& t = mesh.triangles[hit.primitive];
     const HitPoint p = position_on_mesh(scene, hit);
     v.position = p.position;
     v.normal = p.normal;
@@ -107,8 +119,8 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
     v.closure.geometric_normal = p.normal;
     Vec3f n = p.normal;
     if (!mesh.normals.empty()) {
-        n = interpolate(mesh.normals, t, hit.primitive, hit.u, hit.v);
-        if (hit.instance != invalid_index) n = scene.instances[hit.instance].to_world.normal(n);
+        n = interpolated_normal(mesh, hit);
+        if (hit.instance != invalid_index) n = scene.placement(hit.instance, hit.time).normal(n);
         const float n2 = length_squared(n);
         n = n2 > 0 ? n * (1 / std::sqrt(n2)) : p.normal;
         if (dot(n, p.normal) < 0) n = -n;
@@ -117,9 +129,9 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
     const uint32_t primvar = scene.materials.materials[material].tangent_primvar;
     Vec3f dpds;
     if (primvar != invalid_index) {
-        dpds = tangent_along_s(mesh, hit.primitive, primvar);
+        dpds = tangent_along_s(mesh, hit.primitive, primvar, hit.time);
         if (hit.instance != invalid_index)
-            dpds = scene.instances[hit.instance].to_world.vector(dpds);
+            dpds = scene.placement(hit.instance, hit.time).vector(dpds);
     }
     v.closure.shading = Frame::from_normal(n);
     evaluate_material(scene.materials, material, mesh, hit.primitive, hit.u, hit.v, dpds, v.closure,
@@ -128,13 +140,14 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
     if (is_emissive(scene.materials, material)) {
         const uint32_t light = scene.light_of(hit.mesh, hit.instance);
         if (light != invalid_index) {
-            v.light = mesh_point(scene.lights, light, hit.primitive, hit.u, hit.v);
+            v.light = mesh_point(scene.lights, light, hit.primitive, hit.u, hit.v, hit.time);
             v.is_light = true;
         }
     }
 }
 
-void light_vertex(const Scene& scene, const LightPoint& point, Vertex& v) {
+void light_vertex(const Scene& scene, const LightPoint& point, float time, Vertex& v) {
+    v.time = time;
     v.kind = VertexKind::light;
     v.component = non_delta;
     v.is_light = true;
@@ -147,14 +160,16 @@ void light_vertex(const Scene& scene, const LightPoint& point, Vertex& v) {
     v.opacity = light_opacity(scene, point);
 }
 
-void camera_vertex(const Scene& scene, Vec3f lens_point, Vertex& v) {
+void camera_vertex(const Scene& scene, Vec3f lens_point, float time, Vertex& v) {
+    const Vec3f forward = scene.camera.pose(time).forward;
     v.kind = VertexKind::camera;
     v.component = non_delta;
     v.is_light = false;
     v.infinite = scene.camera.orthographic;
     v.position = lens_point;
-    v.normal = scene.camera.forward;
-    v.direction = -scene.camera.forward;
+    v.normal = forward;
+    v.direction = -forward;
+    v.time = time;
     v.position_error = 0;
     v.opacity = 1;
 }
@@ -187,6 +202,7 @@ bool trace(const Scene& scene, Ray ray, RandomStream& random, RayCounters& count
 bool sample_light_ray(const Scene& scene, const Vertex& x0, Vec2f u, Ray& ray, double& pdf) {
     ray.tnear = 0;
     ray.tfar = infinite_distance;
+    ray.time = x0.time;
     if (x0.infinite) {
         sample_origin(scene.lights, x0.direction, u, ray.origin, pdf);
         ray.direction = -x0.direction;
@@ -207,7 +223,7 @@ bool trace_vertex(const Scene& scene, const Ray& ray, bool environment, RandomSt
     }
     LightPoint point;
     if (!environment || !environment_point(scene.lights, ray.direction, point)) return false;
-    light_vertex(scene, point, v);
+    light_vertex(scene, point, ray.time, v);
     v.opacity = 1;
     return true;
 }
@@ -250,17 +266,19 @@ float transmittance(const Scene& scene, const Vertex& a, const Vertex& b, RayCou
         const Camera& camera = scene.camera;
         const Vec3f to_camera = direction_to(a, b);
         const Vec3f from = offset_origin(a, to_camera);
-        const float depth = dot(from - camera.position, camera.forward);
+        const float depth = dot(from - camera.pose(b.time).position, b.normal);
         // Up to where the camera starts to see only.
         const Vec3f path = camera.orthographic ? to_camera : b.position - from;
         const float near = camera.orthographic ? depth - camera.near : 1 - camera.near / depth;
-        return transmittance(scene, {from, 0, path, camera.seen_until(from, path, near)}, counters);
+        const float far = camera.seen_until(from, path, near, b.time);
+        return transmittance(scene, {from, 0, path, far, b.time}, counters);
     }
     const Vec3f direction = direction_to(a, b);
     const Vec3f from = offset_origin(a, direction);
-    if (b.infinite) return transmittance(scene, {from, 0, direction, infinite_distance}, counters);
+    if (b.infinite)
+        return transmittance(scene, {from, 0, direction, infinite_distance, a.time}, counters);
     const Vec3f to = offset_origin(b, -direction);
-    return transmittance(scene, {from, 0, to - from, segment_end}, counters);
+    return transmittance(scene, {from, 0, to - from, segment_end, a.time}, counters);
 }
 
 }  // namespace usdmlt

@@ -43,10 +43,10 @@ inline constexpr float infinite_distance = 1e30f;
 void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v);
 
 // Makes the vertex of a point of a light (a surface point or a direction at infinity).
-void light_vertex(const Scene& scene, const LightPoint& point, Vertex& v);
+void light_vertex(const Scene& scene, const LightPoint& point, float time, Vertex& v);
 
 // Makes the lens vertex of a perspective camera, or the direction of an orthographic one.
-void camera_vertex(const Scene& scene, Vec3f lens_point, Vertex& v);
+void camera_vertex(const Scene& scene, Vec3f lens_point, float time, Vertex& v);
 
 // Follows a ray to the surface where it stops. `transmittance` is the product of 1 − α of the
 // surfaces it passed. False: it escaped.

@@ -23,6 +23,7 @@ struct Vertex {
     Vec3f direction;           // infinite: unit, from the scene towards it
     float position_error = 0;  // bound of the position's rounding error, scene units
     float opacity = 1;         // fraction of the surface that is there
+    float time = 0;            // of the path; see motion.hpp
     uint16_t interior = vacuum, exterior = vacuum;  // media on the two sides of the normal
     uint32_t mesh = invalid_index, triangle = 0, instance = invalid_index;
     Vec2f uv;  // barycentrics, or a shape's parameters

@@ -62,8 +62,9 @@ py::dict strategy_probe(const Scene& scene, int samples, int depth, uint64_t see
         Sampler sampler(hash_key(seed, uint64_t(i)), 0, 0);
         const Vec2f u = sampler.next_2d();
         const Vec2f raster{u.x * float(scene.camera.width), u.y * float(scene.camera.height)};
-        trace_camera_subpath(scene, sampler, raster, depth + 1, counters, camera);
-        trace_light_subpath(scene, sampler, depth, counters, light);
+        const float time = sample_time(scene, sampler);
+        trace_camera_subpath(scene, sampler, raster, time, depth + 1, counters, camera);
+        trace_light_subpath(scene, sampler, time, depth, counters, light);
         for (int t = 2; t <= camera.count; ++t) {
             const SubpathVertex& z = camera[t - 1];
             if (z.is_light)
@@ -81,11 +82,12 @@ py::dict strategy_probe(const Scene& scene, int samples, int depth, uint64_t see
         }
         for (int s = 2; s <= light.count; ++s) {
             if (!light[s - 1].can_connect()) continue;
-            const Vec3f lens_point = scene.camera.sample_lens(sampler.next_2d());
+            const Vec3f lens_point = scene.camera.sample_lens(sampler.next_2d(), time);
             Vec2f seen;
             Vec3f direction;
-            if (!scene.camera.project(light[s - 1].position, lens_point, seen, direction)) continue;
-            camera_vertex(scene, lens_point, lens[0]);
+            if (!scene.camera.project(light[s - 1].position, lens_point, time, seen, direction))
+                continue;
+            camera_vertex(scene, lens_point, time, lens[0]);
             lens[0].throughput = Spectrum(1.0f);
             compare(scene, light, s, lens, 1, {light.pdf_point, light.pdf_direct}, rows);
         }
@@ -146,7 +148,8 @@ ClassEnergies class_energies(const Scene& scene, int samples, int depth, uint64_
         }
         // Every light is found by chance: nothing is joined, and nothing weighted.
         const Subpath& camera = scratch.camera;
-        trace_camera_subpath(scene, eye, raster, depth + 1, statistics.rays, scratch.camera);
+        trace_camera_subpath(scene, eye, raster, sample_time(scene, eye), depth + 1,
+                             statistics.rays, scratch.camera);
         for (int t = 2; t <= camera.count; ++t)
             if (camera[t - 1].is_light)
                 energies[class_of(scratch.light, 0, camera, t)] +=

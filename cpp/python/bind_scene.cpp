@@ -72,9 +72,17 @@ BoundsD points_bounds(const Floats& points) {
     return b;
 }
 
-BoundsD mesh_bounds(const py::handle& mesh) {
+// `source` has points and a transform: a mesh, or one of its later steps.
+BoundsD placed_bounds(const py::handle& source) {
     BoundsD b;
-    b.add(points_bounds(py::cast<Floats>(mesh.attr("points"))), affine(mesh.attr("transform")));
+    b.add(points_bounds(py::cast<Floats>(source.attr("points"))), affine(source.attr("transform")));
+    return b;
+}
+
+BoundsD mesh_bounds(const py::handle& mesh) {
+    BoundsD b = placed_bounds(mesh);
+    for (const auto& step : py::cast<py::list>(mesh.attr("motion"))) 
+        b.add(placed_bounds(step), {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0}});
     return b;
 }
 
@@ -98,38 +106,63 @@ CornerValues corner_values(const py::handle& primvar, bool flipped) {
     return out;
 }
 
+std::vector<Vec3f> placed_points(const Floats& points, const Affine3d& m, Vec3d center) {
+    const float* p = points.data();
+    const auto count = static_cast<size_t>(points.shape(0));
+    std::vector<Vec3f> out;
+    out.reserve(count + 1);  // Embree reads 16 bytes at the last vertex
+    for (size_t i = 0; i < count; ++i)
+        out.push_back(to_float(m.point({p[3 * i], p[3 * i + 1], p[3 * i + 2]}) - center));
+    return out;
+}
+
+// Unit length in the mesh's own space, and only linear from there: interpolation then commutes with
+// the transform, and a mesh looks the same placed directly or instanced.
+void place_normals(const Affine3d& m, std::vector<float>& v) {
+    const double volume = std::fabs(m.determinant());
+    const double scale = volume > 0 ? std::pow(std::cbrt(volume), -2) : 1;
+    for (size_t i = 0; i + 2 < v.size(); i += 3) {
+        Vec3d n{v[i], v[i + 1], v[i + 2]};
+        const double l = length(n);
+        if (l > 0) n = m.normal(n) * (scale / l);
+        v[i] = float(n.x);
+        v[i + 1] = float(n.y);
+        v[i + 2] = float(n.z);
+    }
+}
+
+// Points and normals at the later times of the shutter's interval.
+void add_motion(const py::handle& source, Vec3d center, Mesh& mesh) {
+    for (const auto& step : py::cast<py::list>(source.attr("motion"))) {
+        const Affine3d m = affine(step.attr("transform"));
+        mesh.later_positions.push_back(
+            placed_points(py::cast<Floats>(step.attr("points")), m, center));
+        if (mesh.later_positions.back().size() != mesh.positions.size())
+            throw std::invalid_argument(mesh.name + ": the number of points changes");
+        if (mesh.normals.empty()) continue;
+        const auto values = py::cast<Floats>(step.attr("normals"));
+        mesh.later_normals.emplace_back(values.data(), values.data() + values.size());
+        if (mesh.later_normals.back().size() != mesh.normals.values.size())
+            throw std::invalid_argument(mesh.name + ": the number of normals changes");
+        place_normals(m, mesh.later_normals.back());
+    }
+}
+
 // A mesh with its transform applied; a mirroring transform swaps two corners of every triangle.
 Mesh make_mesh(const py::handle& source, Vec3d center, const py::dict& primvar_slots) {
     Mesh mesh;
     mesh.name = py::cast<std::string>(source.attr("name"));
     const Affine3d m = affine(source.attr("transform"));
     const bool flipped = m.determinant() < 0;
-    const auto points = py::cast<Floats>(source.attr("points"));
-    const float* p = points.data();
-    const auto count = static_cast<size_t>(points.shape(0));
-    mesh.positions.reserve(count + 1);  // Embree reads 16 bytes at the last vertex
-    for (size_t i = 0; i < count; ++i)
-        mesh.positions.push_back(
-            to_float(m.point({p[3 * i], p[3 * i + 1], p[3 * i + 2]}) - center));
+    mesh.positions = placed_points(py::cast<Floats>(source.attr("points")), m, center);
     mesh.triangles = triangles_of(py::cast<Indices>(source.attr("triangles")), flipped);
 
     const py::object normals = source.attr("normals");
     if (!normals.is_none()) {
         mesh.normals = corner_values(normals, flipped);
-        std::vector<float>& v = mesh.normals.values;
-        // Unit length in the mesh's own space, and only linear from there: interpolation then
-        // commutes with the transform, and a mesh looks the same placed directly or instanced.
-        const double volume = std::fabs(m.determinant());
-        const double scale = volume > 0 ? std::pow(std::cbrt(volume), -2) : 1;
-        for (size_t i = 0; i + 2 < v.size(); i += 3) {
-            Vec3d n{v[i], v[i + 1], v[i + 2]};
-            const double l = length(n);
-            if (l > 0) n = m.normal(n) * (scale / l);
-            v[i] = float(n.x);
-            v[i + 1] = float(n.y);
-            v[i + 2] = float(n.z);
-        }
+        place_normals(m, mesh.normals.values);
     }
+    add_motion(source, center, mesh);
     const auto primvars = py::cast<py::dict>(source.attr("primvars"));
     for (const auto& item : primvar_slots) {
         if (!primvars.contains(item.first)) continue;
@@ -147,20 +180,24 @@ Mesh make_mesh(const py::handle& source, Vec3d center, const py::dict& primvar_s
     return mesh;
 }
 
-// Orthonormal axes of a camera transform; `scale` is its uniform scale.
-Camera make_camera(const py::handle& source, Vec3d center, int width, int height) {
-    const Affine3d m = affine(source.attr("transform"));
-    Camera camera;
-    const double scale = std::cbrt(std::fabs(m.determinant()));
+// Orthonormal axes of a camera transform.
+CameraPose camera_pose(const Affine3d& m, Vec3d center) {
     const Vec3f z = normalize(to_float(m.z));
     Vec3f x = to_float(m.x);
     x = normalize(x - z * dot(x, z));
     Vec3f y = cross(z, x);
     if (m.determinant() < 0) y = -y;
-    camera.right = x;
-    camera.up = y;
-    camera.forward = -z;
-    camera.position = to_float(m.origin - center);
+    return {to_float(m.origin - center), x, y, -z};
+}
+
+// `scale` is the uniform scale of the transform.
+Camera make_camera(const py::handle& source, Vec3d center, int width, int height) {
+    const Affine3d m = affine(source.attr("transform"));
+    Camera camera;
+    const double scale = std::cbrt(std::fabs(m.determinant()));
+    camera.poses[0] = camera_pose(m, center);
+    for (const auto& step : py::cast<py::list>(source.attr("motion")))
+        camera.poses.push_back(camera_pose(affine(step), center));
     camera.width = width;
     camera.height = height;
     camera.orthographic = py::cast<std::string>(source.attr("projection")) == "orthographic";
@@ -178,12 +215,13 @@ Camera make_camera(const py::handle& source, Vec3d center, int width, int height
     camera.near = float(std::max(clipping[0] * scale, camera.orthographic ? -1e30 : 0.0));
     camera.far = float(std::min(clipping[1] * scale, double(infinite_distance)));
     const auto planes = py::cast<Doubles>(source.attr("clipping_planes"));
+    const CameraPose& pose = camera.poses[0];
     for (py::ssize_t i = 0; i < planes.size() / 4; ++i) {
         const double* p = planes.data() + 4 * i;
         const Vec3f normal =
-            camera.right * float(p[0]) + camera.up * float(p[1]) - camera.forward * float(p[2]);
+            pose.right * float(p[0]) + pose.up * float(p[1]) - pose.forward * float(p[2]);
         camera.clipping_planes.push_back(
-            {normal, float(p[3] * scale - dot(to_double(normal), to_double(camera.position)))});
+            {normal, float(p[3] * scale - dot(to_double(normal), to_double(pose.position)))});
     }
     return camera;
 }
@@ -218,6 +256,9 @@ std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& e
         const BoundsD& b = prototype_bounds.at(py::cast<size_t>(entry.attr("prototype")));
         for (py::ssize_t i = 0; i < transforms.size() / 16; ++i)
             bounds.add(b, affine(transforms.data() + 16 * i));
+        const auto motion = py::cast<Doubles>(entry.attr("motion"));
+        for (py::ssize_t i = 0; i < motion.size() / 16; ++i)
+            bounds.add(b, affine(motion.data() + 16 * i));
     }
     if (bounds.empty()) bounds.add(affine(source.attr("camera").attr("transform")).origin);
     const Vec3d center = (bounds.lower + bounds.upper) * 0.5;
@@ -239,9 +280,19 @@ std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& e
         const auto transforms = py::cast<Doubles>(entry.attr("transforms"));
         const auto prototype = py::cast<uint32_t>(entry.attr("prototype"));
         if (scene->prototypes.at(prototype).count == 0) continue;
-        for (py::ssize_t i = 0; i < transforms.size() / 16; ++i)
+        const py::ssize_t count = transforms.size() / 16;
+        const auto motion = py::cast<Doubles>(entry.attr("motion"));
+        if (motion.size() > 0 && (count == 0 || motion.size() % (16 * count) != 0))
+            throw std::invalid_argument("instances: motion must be (steps, count, 4, 4)");
+        const auto steps = static_cast<uint32_t>(count > 0 ? motion.size() / (16 * count) : 0);
+        for (py::ssize_t i = 0; i < count; ++i) {
             scene->instances.push_back(
-                {prototype, affine(transforms.data() + 16 * i).recentred(origin)});
+                {prototype, affine(transforms.data() + 16 * i).recentred(origin),
+                 static_cast<uint32_t>(scene->instance_steps.size()), steps});
+            for (uint32_t step = 0; step < steps; ++step)
+                scene->instance_steps.push_back(
+                    affine(motion.data() + 16 * (step * count + i)).recentred(origin));
+        }
     }
 
     scene->camera = make_camera(source.attr("camera"), origin, py::cast<int>(source.attr("width")),
@@ -258,7 +309,8 @@ std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& e
 }
 
 // Closest hits for tests and layers: distance (inf: none), mesh, triangle, instance, normal.
-py::dict closest_hits(const Scene& scene, const Doubles& origins, const Doubles& directions) {
+py::dict closest_hits(const Scene& scene, const Doubles& origins, const Doubles& directions,
+                      float time) {
     const py::ssize_t n = origins.shape(0);
     py::array_t<float> distance(n), normal({n, py::ssize_t(3)});
     py::array_t<int64_t> mesh(n), triangle(n), instance(n);
@@ -276,7 +328,8 @@ py::dict closest_hits(const Scene& scene, const Doubles& origins, const Doubles&
                                  {to_float(origin),
                                   0,
                                   {float(d(i, 0)), float(d(i, 1)), float(d(i, 2))},
-                                  infinite_distance},
+                                  infinite_distance,
+                                  time},
                                  random, counters, hit, v.opacity, passed);
         const auto id = [&](uint32_t x) { return found && x != invalid_index ? int64_t(x) : -1; };
         if (found) surface_vertex(scene, hit, v);
@@ -318,8 +371,11 @@ void bind_scene(py::module_& module) {
         .def_property_readonly("dirac_materials", &dirac_materials,
                                "Indices of the materials with a lobe without spread, as far as "
                                "meshes have them.")
+        .def_property_readonly("has_motion", [](const Scene& s) { return s.has_motion; })
         .def("intersect", &closest_hits, py::arg("origins"), py::arg("directions"),
-             "Closest hits of rays, (n, 3) arrays in world space: a dict of arrays.");
+             py::arg("time") = 0,
+             "Closest hits of rays, (n, 3) arrays in world space, at a time in [0, 1] of the "
+             "shutter's interval: a dict of arrays.");
 }
 
 }  // namespace usdmlt

@@ -108,7 +108,7 @@ struct LightsProbe {
         lights = lights_from_python(python_lights, c, materials.textures);
         for (const py::handle mesh : python_meshes) meshes.push_back(mesh_from_python(mesh));
         for (size_t i = 0; i < meshes.size(); ++i)
-            add_mesh(lights, meshes[i], recentred_transform(python_meshes[i], c), materials);
+            add_mesh(lights, meshes[i], recentred_transform(python_meshes[i], c), {}, materials);
         lights.finish({0, 0, 0}, radius);
     }
 
@@ -137,7 +137,7 @@ struct LightsProbe {
 
     py::tuple point_samples(const FloatArray& u) const {
         return sample_points(u, [&](auto, float s, Vec2f v, LightPoint& point, double& pdf) {
-            return sample_point(lights, s, v, point, pdf);
+            return sample_point(lights, s, v, 0, point, pdf);
         });
     }
     DoubleArray point_pdf(const py::array& points) const {
@@ -146,7 +146,7 @@ struct LightsProbe {
     }
     py::tuple direct_samples(const FloatArray& references, const FloatArray& u) const {
         return sample_points(u, [&](auto i, float s, Vec2f v, LightPoint& point, double& pdf) {
-            return sample_direct(lights, vec3(references, i), s, v, point, pdf);
+            return sample_direct(lights, vec3(references, i), s, v, 0, point, pdf);
         });
     }
     DoubleArray direct_pdf(const py::array& points, const FloatArray& references) const {
@@ -247,7 +247,7 @@ struct LightsProbe {
         py::array points = new_points(uv.shape(0));
         auto* p = static_cast<LightPoint*>(points.mutable_data());
         for (py::ssize_t i = 0; i < points.size(); ++i)
-            p[i] = mesh_point(lights, light, triangles.at(i), uv.at(i, 0), uv.at(i, 1));
+            p[i] = mesh_point(lights, light, triangles.at(i), uv.at(i, 0), uv.at(i, 1), 0);
         return points;
     }
 };

@@ -16,7 +16,7 @@ void add_mesh_lights(Scene& scene) {
     for (uint32_t i = 0; i < scene.world_meshes; ++i)
         if (emits(scene.meshes[i]))
             scene.mesh_lights[i] =
-                add_mesh(scene.lights, scene.meshes[i], Affine3f{}, scene.materials);
+                add_mesh(scene.lights, scene.meshes[i], Affine3f{}, {}, scene.materials);
 
     scene.emissive_rank.assign(scene.meshes.size(), invalid_index);
     std::vector<std::vector<uint32_t>> emitters(scene.prototypes.size());
@@ -30,8 +30,9 @@ void add_mesh_lights(Scene& scene) {
     scene.instance_first_light.assign(scene.instances.size(), invalid_index);
     for (size_t i = 0; i < scene.instances.size(); ++i)
         for (const uint32_t mesh : emitters[scene.instances[i].prototype]) {
-            const uint32_t light = add_mesh(scene.lights, scene.meshes[mesh],
-                                            scene.instances[i].to_world, scene.materials);
+            const uint32_t light =
+                add_mesh(scene.lights, scene.meshes[mesh], scene.instances[i].to_world,
+                         scene.instances[i].later(scene.instance_steps), scene.materials);
             if (scene.instance_first_light[i] == invalid_index)
                 scene.instance_first_light[i] = light;
         }
@@ -58,15 +59,22 @@ void Scene::commit(std::shared_ptr<const embree::Library> library, const std::st
     all_opaque = std::all_of(materials.materials.begin(), materials.materials.end(),
                              [](const Material& m) { return m.is_opaque; });
     add_mesh_lights(*this);
-    acceleration = std::make_unique<Acceleration>(std::move(library), isa, meshes, world_meshes,
-                                                  prototypes, instances, light_shapes(lights));
+    has_motion =
+        camera.moves() ||
+        std::any_of(meshes.begin(), meshes.end(), [](const Mesh& m) { return m.moves(); }) ||
+        !instance_steps.empty();
+    acceleration =
+        std::make_unique<Acceleration>(std::move(library), isa, meshes, world_meshes, prototypes,
+                                       instances, instance_steps, light_shapes(lights));
     // The sphere that bounds everything: infinite lights shine from a disk of its size. The camera
     // is inside, so that fog or a lens in empty space is lit alike.
     Vec3f lower, upper;
     acceleration->bounds(lower, upper);
-    if (lower.x > upper.x) lower = upper = camera.position;
-    lower = min(lower, camera.position);
-    upper = max(upper, camera.position);
+    if (lower.x > upper.x) lower = upper = camera.poses[0].position;
+    for (const CameraPose& pose : camera.poses) {
+        lower = min(lower, pose.position);
+        upper = max(upper, pose.position);
+    }
     const Vec3f center = (lower + upper) * 0.5f;
     radius = std::max(length(upper - center) * 1.001f, 1e-20f);
     lights.finish(center, radius);

@@ -20,6 +20,8 @@ struct Scene {
     uint32_t world_meshes = 0;
     std::vector<MeshRange> prototypes;
     std::vector<Instance> instances;
+    std::vector<Affine3f> instance_steps;  // further transforms of those that move
+    bool has_motion = false;               // anything moves while the shutter is open
 
     Materials materials;
     Lights lights;
@@ -41,6 +43,11 @@ struct Scene {
         return emissive_rank[mesh] == invalid_index
                    ? invalid_index
                    : instance_first_light[instance] + emissive_rank[mesh];
+    }
+
+    Affine3f placement(uint32_t instance, float time) const {
+        const Instance& placed = instances[instance];
+        return transform_at(placed.to_world, placed.later(instance_steps), time);
     }
 
     // To be called once everything above but the acceleration structure and the lights of meshes

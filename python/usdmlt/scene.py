@@ -17,98 +17,18 @@ from typing import Any, Literal, Union
 
 import numpy as np
 
-Color = tuple[float, float, float]
+from usdmlt.inputs import INPUT_NODES as INPUT_NODES
+from usdmlt.inputs import Color as Color
+from usdmlt.inputs import Input as Input
+from usdmlt.inputs import Node as Node
+from usdmlt.inputs import PrimvarInput as PrimvarInput
+from usdmlt.inputs import Texture as Texture
+from usdmlt.inputs import TextureInput as TextureInput
 
 
 def identity() -> np.ndarray:
     """A new 4x4 identity matrix."""
     return np.eye(4, dtype=np.float64)
-
-
-# ---------------------------------------------------------------------------------------------
-# Textures and material inputs
-
-
-@dataclass
-class Texture:
-    """An image, as it is stored, and how it becomes linear in the rendering colour space.
-
-    ``pixels``: (height, width, channels) uint8, uint16, float16 or float32, 1 to 4 channels, row 0
-    on top; the core keeps the array without copying it. Integers are fractions of the largest, or,
-    for colours, ``decode[stored]`` (256 or 65536 floats). ``matrix`` (3, 3) takes the linear
-    colour to the rendering space. Alpha (the second of two channels, the fourth of four) is as it
-    is stored.
-    """
-
-    pixels: np.ndarray
-    wrap_s: Literal["black", "clamp", "repeat", "mirror"] = "repeat"
-    wrap_t: Literal["black", "clamp", "repeat", "mirror"] = "repeat"
-    name: str = ""
-    decode: np.ndarray | None = None
-    matrix: np.ndarray | None = None
-
-    def linear(self) -> np.ndarray:
-        """All pixels as lookups see them: (height, width, channels) float32."""
-        colors = 1 if self.pixels.shape[2] < 3 else 3
-        result = self.pixels.astype(np.float32)
-        if self.pixels.dtype.kind == "u":
-            result /= np.iinfo(self.pixels.dtype).max
-            if self.decode is not None:
-                result[..., :colors] = self.decode[self.pixels[..., :colors]]
-        if self.matrix is not None and colors == 3:
-            result[..., :3] = result[..., :3] @ np.asarray(self.matrix, np.float32).T
-        return result
-
-
-@dataclass
-class TextureInput:
-    """A material input read from a texture: ``(texel * scale + bias)[channel]``.
-
-    ``texture`` indexes :attr:`Scene.textures`; a dict is a UDIM set, by the numbers of its tiles,
-    black and transparent where there is none; None (an unreadable file) gives ``fallback``.
-    ``transform`` (2, 3) maps the primvar's (s, t) to texture coordinates: ``A @ (s, t, 1)``.
-    ``coordinates``: an input that gives (s, t) in the primvar's place.
-    Channels a texture lacks: one channel is grey with alpha 1; two are grey and alpha; three have
-    alpha 1. A mesh without the primvar is sampled as if it were (0, 0) everywhere.
-    """
-
-    texture: int | dict[int, int] | None
-    primvar: str = "st"
-    channel: Literal["rgb", "r", "g", "b", "a"] = "rgb"
-    scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    bias: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    fallback: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
-    transform: np.ndarray = field(
-        default_factory=lambda: np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    )
-    coordinates: Input | None = None
-
-
-@dataclass
-class PrimvarInput:
-    """A material input read from a primvar of the mesh; ``fallback`` where the mesh lacks it."""
-
-    primvar: str
-    fallback: float | Color = 0.0
-
-
-@dataclass(eq=False)
-class Node:
-    """A pattern node: an operation of the core on other inputs.
-
-    ``operation``: one of the core's table (cpp/materials/nodes.cpp), which says what ``data`` is.
-    Inputs may also be vectors of two and four numbers here. ``width``: how many numbers the result
-    has; where it is 1 they are all the same.
-    """
-
-    operation: str
-    inputs: tuple[Any, ...] = ()
-    width: int = 3
-    data: int = 0
-
-
-INPUT_NODES = (TextureInput, PrimvarInput, Node)
-Input = Union[float, Color, TextureInput, PrimvarInput, Node]
 
 
 # ---------------------------------------------------------------------------------------------
@@ -304,6 +224,15 @@ class Primvar:
 
 
 @dataclass
+class MeshStep:
+    """A mesh at a later time: its points, the values of its normals (None: flat), its transform."""
+
+    points: np.ndarray
+    normals: np.ndarray | None = None
+    transform: np.ndarray = field(default_factory=identity)
+
+
+@dataclass
 class Mesh:
     """A triangle mesh, counter-clockwise seen from outside (left-handed meshes are flipped).
 
@@ -312,7 +241,9 @@ class Mesh:
     ``points`` (n, 3) float32 in local space; ``triangles`` (m, 3) int32; ``normals`` a
     :class:`Primvar` of width 3 in local space, None for flat shading; ``materials`` an index into
     :attr:`Scene.materials`, or (m,) int32, one per triangle; ``transform`` local to world, or to
-    the prototype's space.
+    the prototype's space. ``motion``: while the shutter is open, at further equidistant times, the
+    last when it closes; the mesh itself is as it is when the shutter opens. Points and normals
+    move linearly in between.
     """
 
     points: np.ndarray
@@ -322,6 +253,7 @@ class Mesh:
     materials: int | np.ndarray = 0
     transform: np.ndarray = field(default_factory=identity)
     name: str = ""
+    motion: list[MeshStep] = field(default_factory=list)
 
 
 @dataclass
@@ -334,11 +266,16 @@ class Prototype:
 
 @dataclass
 class Instances:
-    """Placements of one prototype: ``transforms`` (count, 4, 4) float64, prototype to world."""
+    """Placements of one prototype: ``transforms`` (count, 4, 4) float64, prototype to world.
+
+    ``motion`` (steps, count, 4, 4): at further equidistant times while the shutter is open, as of
+    :class:`Mesh`; the matrices are interpolated linearly.
+    """
 
     prototype: int
     transforms: np.ndarray
     name: str = ""
+    motion: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 4, 4)))
 
 
 # ---------------------------------------------------------------------------------------------
@@ -455,7 +392,8 @@ class Camera:
     ``window``: (left, right, bottom, top) of the image: at distance 1 for a perspective camera, in
     scene units for an orthographic one. ``lens_radius`` 0 is a pinhole. ``clipping`` (near, far)
     along the view axis. ``clipping_planes`` (n, 4): where a x + b y + c z + d < 0 in the camera's
-    space for one of them, nothing is seen. ``exposure`` multiplies the image.
+    space for one of them, nothing is seen. ``exposure`` multiplies the image. ``motion``:
+    transforms at further equidistant times while the shutter is open, as of :class:`Mesh`.
     """
 
     transform: np.ndarray = field(default_factory=identity)
@@ -467,6 +405,7 @@ class Camera:
     clipping_planes: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
     exposure: float = 1.0
     name: str = ""
+    motion: list[np.ndarray] = field(default_factory=list)
 
 
 @dataclass

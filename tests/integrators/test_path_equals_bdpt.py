@@ -36,6 +36,7 @@ SEES = {
     "emission": "two-sided and textured emission, emitters that scatter",
     "layers": "values and densities of mixtures, coats and bent normals in both directions",
     "shaped_lights": "emission that varies with direction in the first edge of light subpaths",
+    "motion": "one time for both subpaths, areas of lamps that grow, splats through a moving lens",
     "clipped_and_mirrored_camera": "splats through a clipped, shifted, left-handed window",
 }
 

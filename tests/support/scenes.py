@@ -419,5 +419,41 @@ def clipped_and_mirrored_camera() -> s.Scene:
     )  # fmt: skip
 
 
+@scene
+def motion() -> s.Scene:
+    """While the shutter is open: a lens, boxes, a ball that grows, instances and lamps move."""
+
+    def path(mesh: s.Mesh, *later: np.ndarray) -> s.Mesh:
+        values = mesh.normals and mesh.normals.values
+        mesh.motion = [s.MeshStep(mesh.points, values, transform) for transform in later]
+        return mesh
+
+    lamp = s.Material(s.Add(s.Diffuse((0.5, 0.5, 0.5)), s.UniformEmission((3.0, 2.6, 2.0))))
+    turns = [rotate((0, 1, 0), 20.0 * i) @ translate(-1.2, 0.6, 0.1 * i) for i in range(5)]
+    ball = sphere(0.4, 2, rings=8, smooth=True, transform=translate(0.2, 0.5, 0.6))
+    ball.motion = [s.MeshStep(1.6 * ball.points, ball.normals.values, translate(0.9, 0.8, 0.6))]
+    glowing = s.Prototype([quad((-0.4, 0, -0.4), (0.8, 0, 0), (0, 0, 0.8), 3)])
+    above = rotate((1, 0, 0), 180)
+    first = [above @ translate(x, 2.2, -0.6) for x in (-1.5, 1.5)]
+    last = [scale(1.5, 1, 0.6) @ m @ rotate((0, 1, 0), 30) for m in first]
+    camera = perspective((0, 1.6, 5), (0, 0.5, 0), 38, lens_radius=0.2, focus_distance=5.0)
+    camera.motion = [facing((0.3, 1.7, 4.9), (0.2, 0.5, 0)), facing((0.5, 1.6, 4.8), (0.1, 0.6, 0))]
+    return picture_of(
+        camera,
+        meshes=[
+            floor(0),
+            path(box((-0.4, -0.5, -0.3), (0.4, 0.5, 0.3), 1, transform=turns[0]), *turns[1:]),
+            ball,
+            path(
+                quad((-0.6, 0, -0.6), (0, 0, 1.2), (1.2, 0, 0), 3, transform=translate(0, 2.6, 1)),
+                scale(0.4, 1, 1.3) @ translate(0.8, 2.2, 1),
+            ),
+        ],
+        prototypes=[glowing],
+        instances=[s.Instances(0, np.array(first), motion=np.array([last]))],
+        materials=[WHITE, RED, s.Material(s.Conductor(roughness=0.4)), lamp],
+    )
+
+
 def build(name: str) -> s.Scene:
     return SCENES[name]()
