@@ -199,17 +199,6 @@ def test_cameras_that_cannot_see_name_their_path(read, extra, says):
         read(body)
 
 
-def test_motion_blur_is_warned_of_only_where_something_moves(examine):
-    shutter = camera(extra="double shutter:open = -0.25\ndouble shutter:close = 0.25")
-    moving = """def Cube "m" {
-        double3 xformOp:translate.timeSamples = { 1: (1, 0, 0), 11: (11, 0, 0) }
-        uniform token[] xformOpOrder = ["xformOp:translate"] }"""
-    still = 'def Cube "m" {}'
-    assert not any("motion" in w.kind for w in examine(shutter + still).warnings)
-    assert not any("motion" in w.kind for w in examine(camera() + moving).warnings)
-    assert [w.paths for w in examine(shutter + moving).warnings if "motion" in w.kind] == [["/c"]]
-
-
 # ---------------------------------------------------------------------------------------------
 # Size
 

@@ -132,18 +132,6 @@ def test_depth_of_field_is_disabled_by_the_settings(read):
     assert read(body("uniform bool disableDepthOfField = 1")).camera.lens_radius == 0
 
 
-def test_motion_blur_that_is_disabled_is_not_missed(examine):
-    moving = """
-def Cube "m" {
-    double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), 1: (1, 0, 0) }
-    uniform token[] xformOpOrder = ["xformOp:translate"]
-}"""
-    text = body().replace("float fStop = 2", "float fStop = 2\ndouble shutter:close = 0.5") + moving
-    assert len([k for k in kinds(examine(text)) if "motion blur" in k]) <= 1
-    text = text.replace("rel camera = </wide>", "rel camera = </wide>\nbool disableMotionBlur = 1")
-    assert [k for k in kinds(examine(text)) if "motion blur" in k] == []
-
-
 @pytest.mark.parametrize(
     ("policy", "window"),
     [

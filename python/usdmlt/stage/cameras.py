@@ -10,6 +10,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Camera
+from usdmlt.stage.motion import Shutter, every, fewest_steps
 from usdmlt.stage.numbers import finite_number
 from usdmlt.stage.render_settings import RenderSettings
 from usdmlt.stage.transforms import singular
@@ -76,6 +77,7 @@ def read_camera(
     time: Usd.TimeCode,
     report: Report,
     settings: RenderSettings | None = None,
+    shutter: Shutter | None = None,
 ) -> Camera:
     """A UsdGeomCamera. The lens radius is focalLength / (2 fStop), in tenths of a scene unit;
     an fStop of 0, and settings that disable depth of field, make a pinhole."""
@@ -118,9 +120,12 @@ def read_camera(
     if not (math.isfinite(near) and far > near):
         report.warn("clipping ranges that are empty are ignored", path)
         near, far = 0.0, math.inf
-    _warn_of_unsupported(camera, time, settings, report)
+    poses = [rigid(transform)]
+    if shutter is not None and shutter.opens:
+        poses = _poses(camera, shutter) or poses
     return Camera(
-        transform=rigid(transform),
+        transform=poses[0],
+        motion=poses[1:],
         projection="orthographic" if orthographic else "perspective",
         window=window,
         lens_radius=radius,
@@ -130,6 +135,19 @@ def read_camera(
         exposure=exposure_scale(camera, time),
         name=str(path),
     )
+
+
+def _poses(camera: UsdGeom.Camera, shutter: Shutter) -> list[np.ndarray]:
+    """Where the camera is while its shutter is open, in as few steps as needed; empty if it stays.
+    Its lens and apertures are those of the frame."""
+    prim = camera.GetPrim()
+    caches = [UsdGeom.XformCache(code) for code in shutter.codes]
+    transforms = [cache.GetLocalToWorldTransform(prim) for cache in caches]
+    if singular(np.array(transforms)).any():
+        raise Error(f"{prim.GetPath()}: the camera's transform is singular")
+    poses = np.array([rigid(transform) for transform in transforms])
+    count = fewest_steps(poses)
+    return list(every(poses, count)) if count else []
 
 
 def _clipping_planes(camera: UsdGeom.Camera, time: Usd.TimeCode) -> np.ndarray:
@@ -167,26 +185,6 @@ def exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode) -> float:
         * 2 ** value("exposure", 0.0)
         / value("exposure:fStop", 1.0) ** 2
     )
-
-
-def _warn_of_unsupported(
-    camera: UsdGeom.Camera, time: Usd.TimeCode, settings: RenderSettings, report: Report
-) -> None:
-    shutter = camera.GetShutterOpenAttr().Get(time), camera.GetShutterCloseAttr().Get(time)
-    shut = shutter[0] == shutter[1] or not settings.motion_blur
-    if not shut and anything_moves(camera.GetPrim().GetStage()):
-        report.warn("motion blur is not rendered", camera.GetPath())
-
-
-def anything_moves(stage: Usd.Stage) -> bool:
-    """Whether transforms or points of a stage change over time."""
-    for prim in stage.Traverse():
-        if prim.IsA(UsdGeom.Xformable) and UsdGeom.Xformable(prim).TransformMightBeTimeVarying():
-            return True
-        points = prim.GetAttribute("points") if prim.IsA(UsdGeom.PointBased) else None
-        if points and points.ValueMightBeTimeVarying():
-            return True
-    return False
 
 
 # ---------------------------------------------------------------------------------------------

@@ -51,9 +51,14 @@ def read_curves(prim: Usd.Prim, time: Usd.TimeCode, detail: Detail, report: Repo
     return _surround(curves, samples, at, tangents, radii, len(counts), time, detail, report)
 
 
-def read_points(prim: UsdGeom.PointBased, time: Usd.TimeCode) -> np.ndarray | None:
-    """(n, 3) float32 points, checked; None if there are none."""
+def read_points(
+    prim: UsdGeom.PointBased, time: Usd.TimeCode, frame: Usd.TimeCode | None = None
+) -> np.ndarray | None:
+    """(n, 3) float32 points, checked; None if there are none. With a ``frame``, they are where
+    velocities take them from there."""
     value = prim.GetPointsAttr().Get(time)
+    if frame is not None and value is not None:
+        value = prim.ComputePointsAtTime(time, frame)
     points = None if value is None else as_floats(value)
     if points is None or points.shape[1] != 3:
         return None

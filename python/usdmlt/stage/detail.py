@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -104,6 +105,35 @@ class Detail:
             distance = np.linalg.norm(at - self.eye, axis=1)
             scale = scale / np.maximum(distance, radius * scale)
         return self.local @ placements[int(np.argmax(scale))]
+
+
+@dataclass
+class SteadyDetail(Detail):
+    """Answers as it did the first time: for the same thing at other times.
+
+    Its shape may change its size then, but not its triangles.
+    """
+
+    def __post_init__(self) -> None:
+        self._answers: list[float] = []
+        self._next: int | None = None
+
+    def again(self) -> None:
+        """What is asked from here on was asked before, in the same order."""
+        self._next = 0
+
+    def _answer(self, new: Callable[[], float]) -> float:
+        if self._next is None or self._next == len(self._answers):
+            self._answers.append(new())
+            return self._answers[-1]
+        self._next += 1
+        return self._answers[self._next - 1]
+
+    def level(self, points: np.ndarray, edges: np.ndarray, corners: int) -> int:
+        return int(self._answer(lambda: super(SteadyDetail, self).level(points, edges, corners)))
+
+    def pixels(self, points: np.ndarray, length: float) -> float:
+        return self._answer(lambda: super(SteadyDetail, self).pixels(points, length))
 
 
 def _scale(transforms: np.ndarray) -> np.ndarray:

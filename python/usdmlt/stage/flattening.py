@@ -14,6 +14,7 @@ from usdmlt.errors import Error, Report
 from usdmlt.scene import Instances, Light, Mesh, Primvar, Prototype
 from usdmlt.stage.lights import moved
 from usdmlt.stage.materials import Materials
+from usdmlt.stage.motion import composed, moving_instances, settled
 from usdmlt.stage.traversal import Group, Placements
 
 # Copies of a prototype for different values: at most so many triangles in all, within these limits.
@@ -35,20 +36,32 @@ def flatten(groups: list[Group], materials: Materials, report: Report) -> Flat:
     """Groups whose placements are known. What is placed once becomes plain meshes."""
     flat = Flat()
     for group in groups:
-        transforms = group.placements.transforms
+        transforms, motion = group.placements.transforms, group.placements.motion
         for light in group.scene_lights:
             flat.lights += [moved(light, transform) for transform in transforms]
+        for placed in group.lights:
+            if placed.motion is not None or motion is not None:
+                report.warn("the motion of lights is not rendered", placed.prim.GetPath())
         for meshes, chosen in _by_values(group, materials, report):
-            _add(flat, group.name, meshes, transforms[chosen])
+            moving = None if motion is None else motion[:, chosen]
+            _add(flat, group.name, meshes, transforms[chosen], moving, report)
     return flat
 
 
-def _add(flat: Flat, name: str, meshes: list[Mesh], transforms: np.ndarray) -> None:
+def _add(
+    flat: Flat,
+    name: str,
+    meshes: list[Mesh],
+    transforms: np.ndarray,
+    motion: np.ndarray | None,
+    report: Report,
+) -> None:
     if len(transforms) == 1:
-        flat.meshes += [replace(m, transform=m.transform @ transforms[0]) for m in meshes]
+        own = None if motion is None else motion[:, 0]
+        flat.meshes += [settled(mesh, transforms[0], own) for mesh in meshes]
     elif meshes and len(transforms):
-        flat.instances.append(Instances(len(flat.prototypes), transforms, name=name))
-        flat.prototypes.append(Prototype(meshes, name=name))
+        flat.instances += moving_instances(len(flat.prototypes), transforms, motion, name, report)
+        flat.prototypes.append(Prototype([settled(mesh) for mesh in meshes], name=name))
 
 
 def _by_values(
@@ -165,7 +178,8 @@ def _nested(inner: Placements, outer: Placements) -> Placements:
         if above is not None and above.shape == repeated.shape:
             repeated = np.where(np.isnan(repeated), above, repeated)
         values[name] = repeated
-    return Placements(transforms, values)
+    motion = composed(inner.transforms, inner.motion, outer.transforms, outer.motion)
+    return Placements(transforms, values, motion)
 
 
 def _joined(pieces: list[Placements]) -> Placements:
@@ -184,4 +198,15 @@ def _joined(pieces: list[Placements]) -> Placements:
                 for piece, value in zip(pieces, columns, strict=True)
             ]
         )
-    return Placements(np.concatenate([piece.transforms for piece in pieces]), values)
+    transforms = np.concatenate([piece.transforms for piece in pieces])
+    motion = None
+    times = next((len(piece.motion) for piece in pieces if piece.motion is not None), 0)
+    if times:
+        motions = [
+            np.repeat(piece.transforms[None], times, axis=0)
+            if piece.motion is None
+            else piece.motion
+            for piece in pieces
+        ]
+        motion = np.concatenate(motions, axis=1)
+    return Placements(transforms, values, motion)

@@ -6,15 +6,17 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
 from usdmlt.errors import Error, Report
-from usdmlt.scene import Mesh, Primvar
+from usdmlt.scene import Mesh
 from usdmlt.stage import tessellated
 from usdmlt.stage.color import ColorSpaces
-from usdmlt.stage.detail import Detail
+from usdmlt.stage.deformation import Deformation
+from usdmlt.stage.detail import Detail, SteadyDetail
 from usdmlt.stage.displacement import displaced
 from usdmlt.stage.draw_modes import STAND_IN, StandIns
 from usdmlt.stage.gprims import read_gprim
 from usdmlt.stage.materials import Materials, bound_materials
 from usdmlt.stage.meshes import face_materials, read_mesh
+from usdmlt.stage.motion import Shutter, carried
 from usdmlt.stage.primvars import Spreads, as_floats, read_primvars
 from usdmlt.stage.skinning import Skin, Skinning
 from usdmlt.stage.transforms import singular
@@ -33,6 +35,7 @@ class GeometryReader:
         skinning: Skinning,
         stand_ins: StandIns,
         detail: Detail,
+        shutter: Shutter,
         report: Report,
     ):
         self.time = time
@@ -43,6 +46,7 @@ class GeometryReader:
         self.stand_ins = stand_ins
         self.detail = detail
         self.report = report
+        self.deformation = Deformation(shutter, skinning, report)
         self._xforms = UsdGeom.XformCache(time)
 
     def read(self, group: Group) -> list[Mesh]:
@@ -61,6 +65,8 @@ class GeometryReader:
     ) -> Mesh | None:
         prim, skin = placed.prim, None
         detail = self.detail.placed(placed.matrix, group.placements.transforms)
+        if self.deformation.shutter.opens:
+            detail = SteadyDetail(**vars(detail))
         if placed.kind == STAND_IN:
             return self._stand_in(placed, detail)
         if placed.kind in tessellated.READERS:
@@ -80,7 +86,13 @@ class GeometryReader:
             raise Error(f"{prim.GetPath()}: the transform is singular")
         self._assign_materials(prim, mesh, topology, material)
         textures = self.materials.networks.textures.textures
-        return displaced(mesh, self.materials.materials, textures, self.report)
+
+        def displace(shape: Mesh) -> Mesh:
+            return displaced(shape, self.materials.materials, textures, self.report)
+
+        if not self.deformation.shutter.opens:
+            return displace(mesh)
+        return self.deformation.moving(group, placed, mesh, topology, skin, detail, displace)
 
     def _stand_in(self, placed: Placed, detail: Detail) -> Mesh | None:
         mesh = self.stand_ins.read(placed.prim, detail)
@@ -88,6 +100,8 @@ class GeometryReader:
             mesh.transform = placed.matrix
             if singular(mesh.transform):
                 raise Error(f"{placed.prim.GetPath()}: the transform is singular")
+            if placed.motion is not None:
+                mesh = carried(mesh, placed.motion)
         return mesh
 
     def _read_polygons(
@@ -109,13 +123,7 @@ class GeometryReader:
         scheme = UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get(self.time)
         if scheme != UsdGeom.Tokens.none:
             return
-        normals = mesh.normals
-        corners = topology.vertices if normals.corners is None else normals.corners
-        skinned = skin.normals(
-            normals.values[corners.ravel()], topology.vertices.ravel(), topology.point_count
-        )
-        order = np.arange(corners.size, dtype=np.int32).reshape(-1, 3)
-        mesh.normals = Primvar(skinned, order)
+        mesh.normals = skin.primvar(mesh.normals, topology)
 
     def _assign_materials(
         self,

@@ -15,6 +15,8 @@ from usdmlt.errors import Error, Report
 from usdmlt.stage.color import ColorSpaces
 from usdmlt.stage.flattening import place
 from usdmlt.stage.gprims import POINT_SPHERE
+from usdmlt.stage.instance_motion import instance_motion, placed_motion, sphere_motion
+from usdmlt.stage.motion import stacked
 from usdmlt.stage.points import read_spheres, sphere_transforms
 from usdmlt.stage.primvars import read_values
 from usdmlt.stage.transforms import singular
@@ -84,7 +86,8 @@ class Instancing:
                 raise Error(f"{instances[index].prim.GetPath()}: the transform is singular")
             if key not in self._by_key:
                 self._by_key[key] = self._walk_instance(instances[0])
-            group.children.append((self._by_key[key], Placements(transforms)))
+            motion = stacked(transforms, [placed.motion for placed in instances])
+            group.children.append((self._by_key[key], Placements(transforms, motion=motion)))
 
     def _walk_instance(self, placed: Placed) -> Group:
         """A new group of what is below an instance, seen through its proxies."""
@@ -185,15 +188,20 @@ class Instancing:
             visible &= ~flat
         values = self._instance_primvars(instancer, len(which))
 
-        transforms = transforms @ placed.matrix
         if singular(placed.matrix):
             raise Error(f"{path}: the transform is singular")
+        motion = None
+        if self.traversal.shutter.opens:
+            own = instance_motion(instancer, len(which), self.traversal.shutter, self.report)
+            motion = placed_motion(transforms, own, placed)
+        transforms = transforms @ placed.matrix
         for index in np.unique(which[visible]):
             child = self._prototype(instancer, targets[index], placed)
             if child is not None:
                 chosen = visible & (which == index)
                 own = {name: value[chosen] for name, value in values.items()}
-                group.children.append((child, Placements(transforms[chosen], own)))
+                moving = None if motion is None else motion[:, chosen]
+                group.children.append((child, Placements(transforms[chosen], own, moving)))
 
     def _prototype(self, instancer: UsdGeom.PointInstancer, target, placed: Placed) -> Group | None:
         """The group of a prototype of an instancer, its own transform included."""
@@ -219,13 +227,17 @@ class Instancing:
         if singular(placed.matrix):
             raise Error(f"{placed.prim.GetPath()}: the transform is singular")
         transforms = sphere_transforms(*read)
+        motion = None
+        if self.traversal.shutter.opens:
+            own = sphere_motion(placed.prim, len(transforms), self.traversal.shutter, self.report)
+            motion = placed_motion(transforms, own, placed)
         if not len(transforms):
             self.report.note("shapes without extent are left out", placed.prim.GetPath())
             return
         sphere = Placed(placed.prim, POINT_SPHERE, IDENTITY, placed.purpose)
         child = Group(str(placed.prim.GetPath()), gprims=[sphere])
         self.groups.append(child)
-        group.children.append((child, Placements(transforms @ placed.matrix)))
+        group.children.append((child, Placements(transforms @ placed.matrix, motion=motion)))
 
     def _instance_primvars(
         self, instancer: UsdGeom.PointInstancer, count: int

@@ -24,6 +24,7 @@ from usdmlt.stage.instancing import Instancing
 from usdmlt.stage.lights import LightReader, default_dome
 from usdmlt.stage.materials import Materials, emits
 from usdmlt.stage.mesh_lights import MeshLights
+from usdmlt.stage.motion import Shutter, read_shutter
 from usdmlt.stage.mtlx_files import with_mtlx_files
 from usdmlt.stage.networks import Networks
 from usdmlt.stage.opening import open_stage, time_code, usd_diagnostics
@@ -99,9 +100,10 @@ def read_stage(
         shown = _purposes(options, settings)
         skinning = Skinning(time)
         found, reason = find_camera(opened, options.camera, settings, report)
-        lens = None if found is None else read_camera(found, time, report, settings)
+        shutter = read_shutter(found, time, settings.motion_blur, report)
+        lens = None if found is None else read_camera(found, time, report, settings, shutter)
         scene = _read_content(
-            opened, time, shown, options, settings, lens, colors, skinning, report
+            opened, time, shown, options, settings, lens, colors, skinning, shutter, report
         )
         limit_textures(scene.textures, options.texture_memory, report)
         scene.camera = lens or _frame_everything(opened, time, shown, scene, skinning)
@@ -142,19 +144,28 @@ def _read_content(
     camera: Camera | None,
     colors: ColorSpaces,
     skinning: Skinning,
+    shutter: Shutter,
     report: Report,
 ) -> Scene:
     """Geometry, materials, textures and lights; ``camera`` None: the one that frames them all."""
     textures = Textures(time, colors, report)
     materials = Materials(Networks(time, colors, textures, report), report)
     visibility = PassVisibility(settings.render_pass, report)
-    traversal = Traversal(time, purposes, skinning, report, options.draw_modes, visibility)
+    traversal = Traversal(time, purposes, skinning, report, options.draw_modes, visibility, shutter)
     instancing = Instancing(stage, traversal, colors, settings.material_purpose, report)
     instancing.collect()
     detail = _detail(stage, time, purposes, options, settings, camera)
     stand_ins = StandIns(time, purposes, colors, materials, report)
     geometry = GeometryReader(
-        time, colors, materials, settings.material_purpose, skinning, stand_ins, detail, report
+        time,
+        colors,
+        materials,
+        settings.material_purpose,
+        skinning,
+        stand_ins,
+        detail,
+        shutter,
+        report,
     )
     up_axis = str(UsdGeom.GetStageUpAxis(stage))
     lights = LightReader(time, colors, textures, report, up_axis)

@@ -22,11 +22,12 @@ LARGEST = 1 << 24  # triangles that all points of a prim have at most, where the
 
 
 def read_spheres(
-    prim: Usd.Prim, time: Usd.TimeCode, report: Report
+    prim: Usd.Prim, time: Usd.TimeCode, report: Report, frame: Usd.TimeCode | None = None
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Centers (n, 3) and radii (n,) of points; None if there are none."""
+    """Centers (n, 3) and radii (n,) of points; None if there are none. With a ``frame``, they are
+    where velocities take them from there."""
     points, path = UsdGeom.Points(prim), prim.GetPath()
-    centers = read_points(points, time)
+    centers = read_points(points, time, frame)
     if centers is None or not len(centers):
         report.note("points without points", path)
         return None

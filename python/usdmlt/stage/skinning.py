@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pxr import Usd, UsdSkel, Vt
 
+from usdmlt.scene import Primvar
+from usdmlt.stage.primvars import Spreads
+
 
 class Skinning:
     """Knows the skeletons of the skeleton roots met so far, and whether anything was skinned."""
@@ -13,6 +16,16 @@ class Skinning:
         self.time = time
         self.has_skins = False
         self._cache = UsdSkel.Cache()
+
+    def at(self, time: Usd.TimeCode) -> Skinning:
+        """The same skeletons at another time."""
+        other = Skinning(time)
+        other._cache = self._cache
+        return other
+
+    def may_deform(self, prim: Usd.Prim) -> bool:
+        """Whether a skeleton moves the points of a prim, or may."""
+        return bool(self._cache.GetSkinningQuery(prim))
 
     def add_root(self, prim: Usd.Prim) -> None:
         """Learn of the skeletons and skinned prims below a SkelRoot."""
@@ -66,6 +79,15 @@ class Skin:
         self._query = query
         self._transforms = transforms
         self._time = time
+
+    def primvar(self, normals: Primvar, topology: Spreads) -> Primvar:
+        """Unit normals of a polygon mesh, skinned: one for every corner of every triangle."""
+        corners = topology.vertices if normals.corners is None else normals.corners
+        skinned = self.normals(
+            normals.values[corners.ravel()], topology.vertices.ravel(), topology.point_count
+        )
+        order = np.arange(corners.size, dtype=np.int32).reshape(-1, 3)
+        return Primvar(skinned, order)
 
     def normals(self, normals: np.ndarray, vertices: np.ndarray, point_count: int) -> np.ndarray:
         """(count, 3) normals of the points ``vertices`` (count,), skinned.

@@ -15,6 +15,7 @@ from usdmlt.errors import Report
 from usdmlt.scene import Light, Mesh
 from usdmlt.stage import gprims, lights, tessellated
 from usdmlt.stage.draw_modes import STAND_IN, draw_mode
+from usdmlt.stage.motion import Shutter
 from usdmlt.stage.points import alike
 from usdmlt.stage.render_passes import PassVisibility
 from usdmlt.stage.skinning import Skinning
@@ -31,12 +32,14 @@ CHILDREN = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
 @dataclass
 class Placed:
-    """A prim, what it is, and its transform to the space of its group."""
+    """A prim, what it is, and its transform to the space of its group; where that changes while the
+    shutter is open, ``motion`` (times, 4, 4)."""
 
     prim: Usd.Prim
     kind: str
     transform: Gf.Matrix4d
     purpose: str
+    motion: np.ndarray | None = None
 
     @property
     def matrix(self) -> np.ndarray:
@@ -47,10 +50,11 @@ class Placed:
 @dataclass
 class Placements:
     """Where something is: ``transforms`` (n, 4, 4); ``values``: primvars of each placement by name,
-    (n, width), NaN where there is none."""
+    (n, width), NaN where there is none; ``motion`` (times, n, 4, 4) if any of them moves."""
 
     transforms: np.ndarray
     values: dict[str, np.ndarray] = field(default_factory=dict)
+    motion: np.ndarray | None = None
 
 
 @dataclass
@@ -83,6 +87,15 @@ class PrimKind:
     descend: bool = True
 
 
+# Transforms at the times of the shutter; None for what stays.
+Moved = list[Gf.Matrix4d] | None
+
+
+def as_array(moved: Moved) -> np.ndarray | None:
+    """(times, 4, 4) float64."""
+    return None if moved is None else np.array([np.array(matrix) for matrix in moved])
+
+
 # What is below these may have a purpose of its own.
 _ANY_PURPOSE = ("instancer", "skeleton root")
 
@@ -99,7 +112,10 @@ class Traversal:
         report: Report,
         draw_modes: bool = True,
         visibility: PassVisibility | None = None,
+        shutter: Shutter | None = None,
     ):
+        self.shutter = shutter or Shutter(time)
+        self._xforms_at = [UsdGeom.XformCache(code) for code in self.shutter.codes]
         self.time = time
         self.visibility = visibility or PassVisibility(None, report)
         self.draw_modes = draw_modes
@@ -117,9 +133,10 @@ class Traversal:
         predicate=CHILDREN,
     ) -> None:
         """Sort ``roots`` and all below them into ``group``. ``purpose``: of their parent."""
-        stack = [(prim, IDENTITY, purpose) for prim in reversed(roots)]
+        stack: list[tuple[Usd.Prim, Gf.Matrix4d, str, Moved]]
+        stack = [(prim, IDENTITY, purpose, None) for prim in reversed(roots)]
         while stack:
-            prim, transform, purpose = stack.pop()
+            prim, transform, purpose, moved = stack.pop()
             if self.visibility.prunes(prim):
                 continue
             kind = self._kind(prim)
@@ -132,25 +149,43 @@ class Traversal:
                     purpose = str(attribute.Get())
             if kind.xformable:
                 local, resets = self.xforms.GetLocalTransformation(prim)
-                transform = local * (group.from_world if resets else transform)
+                outer = group.from_world if resets else transform
+                moved = self._moved(prim, local, outer, None if resets else moved)
+                transform = local * outer
             if self.draw_modes and draw_mode(prim):
                 if purpose in self.purposes and self.visibility.shows(prim):
-                    group.gprims.append(Placed(prim, STAND_IN, transform, purpose))
+                    group.gprims.append(Placed(prim, STAND_IN, transform, purpose, as_array(moved)))
                 continue
             if prim.IsInstance():
-                group.instances.append(Placed(prim, "", transform, purpose))
+                group.instances.append(Placed(prim, "", transform, purpose, as_array(moved)))
                 continue
             shown = purpose in self.purposes or kind.role in _ANY_PURPOSE
             if kind.role and shown and self.visibility.shows(prim):
-                self._sort(group, prim, kind, transform, purpose)
+                self._sort(
+                    group, Placed(prim, kind.name, transform, purpose, as_array(moved)), kind
+                )
             if kind.descend:
                 children = prim.GetFilteredChildren(predicate)
-                stack.extend((child, transform, purpose) for child in reversed(children))
+                stack.extend((child, transform, purpose, moved) for child in reversed(children))
 
-    def _sort(
-        self, group: Group, prim: Usd.Prim, kind: PrimKind, transform: Gf.Matrix4d, purpose: str
-    ) -> None:
-        placed = Placed(prim, kind.name, transform, purpose)
+    def _moved(
+        self, prim: Usd.Prim, local: Gf.Matrix4d, outer: Gf.Matrix4d, outer_moved: Moved
+    ) -> Moved:
+        """The transforms of a prim to its group at the times of the shutter; None if it stays."""
+        if not self._xforms_at:
+            return None
+        varies = UsdGeom.Xformable(prim).TransformMightBeTimeVarying()
+        if not varies and outer_moved is None:
+            return None
+        times = len(self._xforms_at)
+        locals_ = [local] * times
+        if varies:
+            locals_ = [cache.GetLocalTransformation(prim)[0] for cache in self._xforms_at]
+        outers = outer_moved or [outer] * times
+        return [a * b for a, b in zip(locals_, outers, strict=True)]
+
+    def _sort(self, group: Group, placed: Placed, kind: PrimKind) -> None:
+        prim = placed.prim
         if kind.name == "Points" and alike(prim):
             group.points.append(placed)
         elif kind.role in ("mesh", "gprim"):
