@@ -141,3 +141,27 @@ def test_subdivision_surfaces_are_made_of_skinned_points(write, frame):
     expected = baked_points @ to_world[:3, :3] + to_world[3, :3]
     points = mesh.points @ mesh.transform[:3, :3] + mesh.transform[3, :3]
     assert points[:4] == pytest.approx(expected, abs=1e-5)
+
+
+SHUTTER = """
+def Camera "camera" {
+    double shutter:open = 0
+    double shutter:close = 2
+}
+"""
+
+
+@pytest.mark.parametrize("shapes", ["", SHAPES])
+def test_skinned_meshes_move_while_the_shutter_is_open(write, shapes):
+    """At every step the points and normals of a stage that is read at that time."""
+    path = write(SKINNED.replace("SHAPES", shapes) + SHUTTER)
+    still = write(SKINNED.replace("SHAPES", shapes), name="still.usda")
+    (mesh,) = load(path, frame=1).meshes
+    assert 2 <= len(mesh.motion) <= 16  # the second joint turns by 74 degrees
+    shapes_at = [(mesh.points, mesh.normals.values, mesh.transform)]
+    shapes_at += [(step.points, step.normals, step.transform) for step in mesh.motion]
+    for index, (points, normals, transform) in enumerate(shapes_at):
+        (expected,) = load(still, frame=1 + 2 * index / len(mesh.motion)).meshes
+        np.testing.assert_allclose(points, expected.points, atol=1e-6)
+        np.testing.assert_allclose(normals, expected.normals.values, atol=1e-6)
+        np.testing.assert_allclose(transform, expected.transform)

@@ -50,6 +50,9 @@ class Deformation:
         ``mesh``, ``topology``: as they are at the frame, before they are displaced.
         """
         still = displace(mesh)
+        deforms = skin is not None or self._deforms(placed.prim)
+        if placed.motion is None and not deforms:
+            return still
         transforms = self._transforms(group, placed, mesh, skin)
         count = fewest_steps(transforms)
         if singular(transforms).any():
@@ -58,7 +61,7 @@ class Deformation:
             )
             return still
         shapes: list[Mesh] = []
-        if skin is not None or self._deforms(placed.prim):
+        if deforms:
             shapes = self._shapes(placed, mesh, topology, detail, displace, count)
         count = max(count, len(shapes) - 1)
         if not count:
