@@ -81,7 +81,7 @@ BoundsD placed_bounds(const py::handle& source) {
 
 BoundsD mesh_bounds(const py::handle& mesh) {
     BoundsD b = placed_bounds(mesh);
-    for (const auto& step : py::cast<py::list>(mesh.attr("motion"))) 
+    for (const auto& step : py::cast<py::list>(mesh.attr("motion")))
         b.add(placed_bounds(step), {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0}});
     return b;
 }
