@@ -49,6 +49,11 @@ uint64_t class_of(const StrategySample& sample) {
     });
 }
 
+double survival(const StrategySample& sample) {
+    return (sample.s > 0 ? sample.light[sample.s - 1].survival : 1.0) *
+           sample.camera[sample.t - 1].survival;
+}
+
 // Weights, of all strategies of one sample.
 struct EntrySink {
     const RasterDomain& domain;
@@ -78,8 +83,8 @@ struct EntrySink {
         // Camera samples are one per pixel of the image, light subpaths one per sample, of which
         // some are of the margin.
         const double scale = splats ? domain.density_scale() : 1;
-        // value = w f/p_{s,t} and w = p_{s,t}²/Σp².
-        const double of_chains = split.of_chains(f * f / sample.weight);
+        // value = w f/(q p_{s,t}), q by roulette, which is no part of p, and w = p_{s,t}²/Σp².
+        const double of_chains = split.of_chains(sqr(f * survival(sample)) / sample.weight);
         if (recorder) record(sample, sample.value * static_cast<float>((1 - of_chains) * scale));
         const double v = f * of_chains * scale;
         if (!(v > 0)) return;

@@ -14,6 +14,7 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
           int max_vertices, RayCounters& counters, Subpath& path) {
     const float start = max_component(weight);
     float not_lost = 1;  // undoes what took throughput but no light
+    float survival = 1;
     for (;;) {
         SubpathVertex& previous = path[path.count - 1];
         SubpathVertex& v = path[path.count];
@@ -21,6 +22,7 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
                           v.edge_transmittance))
             return;
         v.throughput = weight;
+        v.survival = survival;
         v.to_previous = -ray.direction;
         v.pdf_forward = area_density(pdf, previous, v, ray.direction) * v.edge_transmittance;
         v.pdf_reverse = 0;
@@ -66,6 +68,7 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
             const float q = continuation_probability(w / start);
             if (choice.y >= q) return;
             weight *= 1 / q;
+            survival *= q;
         }
         pdf = sample.pdf;
         ray = {offset_origin(v, sample.direction), 0, sample.direction, infinite_distance, v.time};
