@@ -61,6 +61,10 @@ BROKEN = [
         },
         "/x/m: the transform is singular",
     ),
+    (
+        {"extra": """uniform token[] xformOpOrder = ["nonsense"]"""},
+        "Invalid xform op: </x/m.nonsense>",
+    ),
 ]
 
 
@@ -100,3 +104,26 @@ def test_very_small_and_very_large_scales_are_not_singular(read):
 def test_sizes_that_are_no_lengths_name_their_path(read, body):
     with pytest.raises(Error, match=r"/s: .*(must be a positive length|not a number)"):
         read(body)
+
+
+def test_subdivision_of_points_beyond_all_numbers_is_as_they_are(read):
+    """Edges whose squares no float holds have no length in pixels."""
+    points = "[(0, 0, 0), (1e30, 0, 0), (1e30, 1e30, 0), (0, 1e30, 0)]"
+    body = f"""def Mesh "m" {{
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        point3f[] points = {points}
+    }}
+    def Camera "c" {{ double3 xformOp:translate = (0, 0, 5)
+        uniform token[] xformOpOrder = ["xformOp:translate"] }}"""
+    assert len(read(body).meshes[0].triangles) >= 2
+
+
+def test_an_axis_that_is_none_names_its_path(read):
+    with pytest.raises(Error, match="/s: axis is 'W'; it must be X, Y or Z"):
+        read('def Cone "s" { uniform token axis = "W" }')
+
+
+def test_an_exposure_that_is_no_number_names_the_camera(read):
+    with pytest.raises(Error, match="/s: the camera's exposure scales the picture by nan"):
+        read('def Camera "s" { float exposure:responsivity = nan }')

@@ -132,7 +132,7 @@ def read_camera(
         focus_distance=focus_distance if focus_distance > 0 else 1.0,
         clipping=(float(near), float(far)),
         clipping_planes=_clipping_planes(camera, time),
-        exposure=exposure_scale(camera, time),
+        exposure=_exposure(camera, time),
         name=str(path),
     )
 
@@ -165,6 +165,13 @@ def rigid(transform: Gf.Matrix4d) -> np.ndarray:
     if not transform.IsRightHanded():
         transform = Gf.Matrix4d(Gf.Vec4d(-1, 1, 1, 1)) * transform
     return np.array(transform.GetOrthonormalized(False), dtype=np.float64)
+
+
+def _exposure(camera: UsdGeom.Camera, time: Usd.TimeCode) -> float:
+    scale = exposure_scale(camera, time)
+    if not 0 <= scale < np.finfo(np.float32).max:
+        raise Error(f"{camera.GetPath()}: the camera's exposure scales the picture by {scale:g}")
+    return scale
 
 
 def exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode) -> float:

@@ -72,7 +72,10 @@ class Detail:
         if self.eye is not None:
             distance = np.linalg.norm(ends.mean(axis=1) - self.eye, axis=1)
             size = self.pixel * np.maximum(distance, length / 2)
-        pixels = math.sqrt(float(np.mean(np.square(length[size > 0] / size[size > 0]))))
+        with np.errstate(over="ignore", invalid="ignore"):
+            pixels = math.sqrt(float(np.mean(np.square(length[size > 0] / size[size > 0]))))
+        if not math.isfinite(pixels):  # beyond all numbers, and not to be seen
+            return 0
         level = math.ceil(math.log2(max(pixels / PIXELS, 1.0)))
         largest = min(LARGEST, self.budget.left // SHARE)
         level = min(level, int(math.log(max(largest / (2 * corners), 1), 4)) + 1)

@@ -250,6 +250,8 @@ def read_gprim(
     """The mesh of an analytic gprim, with ``st``; None, with a note, if it has no size."""
     attribute = prim.GetAttribute("axis")
     axis = str(attribute.Get(time)) if attribute else "Z"
+    if axis not in ("X", "Y", "Z"):
+        raise Error(f"{prim.GetPath()}: axis is '{axis}'; it must be X, Y or Z")
     if kind == POINT_SPHERE:
         return _mesh(prim, sphere(1.0), left_handed=False)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -124,10 +124,13 @@ def usd_diagnostics(report: Report) -> Iterator[None]:
     """Turn what USD itself complains about into warnings of the report.
 
     Composition errors are warnings; the rest (which USD prints to stderr) goes to the debug log.
+    What USD raises, naming the prim, is an :class:`Error` of one line.
     """
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield
+    except Tf.ErrorException as error:
+        raise Error("; ".join(" ".join(e.commentary.split()) for e in error.args)) from error
     finally:
         complaints = delegate.TakeUncoalescedDiagnostics()
         del delegate
