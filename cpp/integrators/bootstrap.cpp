@@ -139,7 +139,12 @@ Bootstrap::Bootstrap(const Scene& scene, const Settings& settings, MutationConte
       importance_(importance),
       split_(split),
       pixels_(pixels),
-      scratch_(settings.depth) {}
+      scratch_(settings.depth) {
+    // What survives roulette is brighter than the split takes it for: a firefly again. Reduced
+    // renders are pilots, which have to be cheap.
+    scratch_.camera.roulette = scratch_.light.roulette =
+        !settings.selective || settings.reduction > 1;
+}
 
 template <typename Sink>
 bool Bootstrap::sample(uint32_t number, uint32_t pass, Sink& sink, UnitStatistics& statistics) {
