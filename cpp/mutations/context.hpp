@@ -80,7 +80,8 @@ public:
     // weights[k][s], s = 0 … k.
     explicit StrategyTable(const std::vector<std::vector<double>>& weights);
     double probability(int k, int s) const {
-        return k < static_cast<int>(probability_.size())
+        // The lens is not made from the light's side: s = k + 1 is asked for, and never.
+        return k < static_cast<int>(probability_.size()) && s <= k
                    ? probability_[static_cast<size_t>(k)][static_cast<size_t>(s)]
                    : 0;
     }
