@@ -128,6 +128,12 @@ struct WatchedTarget {
         table.set("log_forward", log_of(healthy_density(context, m, x.path, y.path, change)));
         table.set("log_back", log_of(healthy_density(context, m, y.path, x.path, reversed)));
         table.set("log_recorded", log_of(recorded));
+        State anew = y;
+        const int k = y.path.edges();
+        const bool lit =
+            update_scattering(context.scene, anew.path, 0, k) && target.evaluate(anew, 0, k);
+        table.set("log_target_anew",
+                  lit ? anew.target.log() : -std::numeric_limits<double>::infinity());
         const int split = change.join > 0 ? change.join - change.l - 1 : 0;
         table.set("log_term", log_of(term(context, m, x.path, y.path, change, split)));
         table.set("log_by_definition",
