@@ -221,13 +221,13 @@ def test_bilinear_refinement_stays_on_the_patches():
 
 
 @pytest.mark.parametrize("scheme", [CATMULL_CLARK, LOOP])
-@pytest.mark.parametrize("closed", [True, False])
-@pytest.mark.parametrize("faces", [1, 2, 3, 4, 5, 6, 9])
+@pytest.mark.parametrize(
+    ("faces", "closed"),
+    [(n, False) for n in (1, 2, 3, 4, 5, 6, 9)] + [(n, True) for n in (3, 4, 5, 6, 9)],
+)
 def test_limit_masks_are_left_eigenvectors(scheme, closed, faces):
     """l S = l, and t S = lambda t for both tangents, with S the map of a vertex's neighbourhood
     onto its refined self; the tangents' eigenvalues are the largest of their symmetry."""
-    if closed and faces < 3:
-        pytest.skip("fewer than three faces do not close")
     cage, finer = fan(scheme, faces, closed)
     _, step = refine(cage, scheme)
     matrix = step(np.eye(cage.vertex_count))[finer]
