@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 #include <vector>
 
@@ -32,6 +33,7 @@ public:
         for (double& s : sums_) s *= factor;
     }
     const std::vector<double>& sums() const { return sums_; }
+    double mean() const { return std::accumulate(sums_.begin(), sums_.end(), 0.0) / count; }
 
 private:
     Vec2f lower_, scale_;
@@ -50,8 +52,7 @@ public:
     explicit ImportanceMap(const CoarsePicture& picture) : picture_(picture) {
         constexpr int n = CoarsePicture::cells;
         const std::vector<double>& sums = picture.sums();
-        double mean = 0;
-        for (const double s : sums) mean += s / double(sums.size());
+        const double mean = picture.mean();
         if (!(mean > 0)) return;
         weight_.resize(sums.size());
         for (int y = 0; y < n; ++y)

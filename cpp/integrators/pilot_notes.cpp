@@ -8,22 +8,18 @@ namespace {
 // τ: of how many steps of a chain one is worth an independent sample. From 5 to 15 the scenes that
 // were measured differ by less than 20 %.
 constexpr double correlation = 10;
-constexpr double as_good = 1.02;
+constexpr double as_good = 1.02;  // errors that differ by less are the same
 
 }  // namespace
 
-void PilotNotes::add(const MutationContext& context, const Path& path, const ScaledDouble& target,
+void PilotNotes::add(MutationContext& context, const Path& path, const ScaledDouble& target,
                      double brightness, double weight) {
     picture.add(path.raster, brightness);
     if (count_++ % interval != 0) return;
-    ScaledDouble squares = 0;
-    for (int s = 0; s <= path.edges(); ++s) {
-        if (!has_strategy(path, s)) continue;
-        const ScaledDouble p = strategy_density(context.scene, path, s);
-        squares += p * p;
-    }
-    // The other integrators walk without guide.
     Path plain = path;
+    update_densities(context.scene, plain, 0, plain.edges());
+    const ScaledDouble squares = squared_strategy_densities(plain, context.scratch);
+    // The other integrators walk without guide.
     std::vector<Vertex> vertices;
     vertices.reserve(plain.vertices.size());
     for (PathVertex& v : plain.vertices) {
@@ -48,8 +44,8 @@ void PilotNotes::add(const MutationContext& context, const Path& path, const Sca
 
 PilotNotes::Errors PilotNotes::errors(double b, const CoarsePicture& finished) const {
     const std::vector<double>& sums = finished.sums();
-    double mean = 0, total = 0, path_squares = 0, bidirectional_squares = 0;
-    for (const double s : sums) mean += s / CoarsePicture::count;
+    const double mean = finished.mean();
+    double total = 0, path_squares = 0, bidirectional_squares = 0;
     Errors errors;
     if (!(mean > 0)) return errors;
     for (const Note& note : notes_) {
@@ -76,11 +72,11 @@ PilotNotes::Errors PilotNotes::errors(double b, const CoarsePicture& finished) c
 PilotNotes::Plan PilotNotes::plan_split(double b, const CoarsePicture& finished,
                                         const ImportanceMap& importance, double sample_cost) const {
     const std::vector<double>& sums = finished.sums();
-    double mean = 0, total = 0;
-    for (const double s : sums) mean += s / CoarsePicture::count;
+    const double mean = finished.mean();
+    double total = 0;
     for (const Note& note : notes_) total += note.weight;
-    Plan best{{}, 0.5, 1};
-    if (!(mean > 0) || !(total > 0)) return best;
+    const Plan nothing_known{{}, 0.5, 1};
+    if (!(mean > 0) || !(total > 0)) return nothing_known;
     // c · mean: the relative brightness of samples from which on chains have most of a path. It is
     // bounded from below, as the brightest of all are missing here.
     std::vector<Plan> plans;
@@ -111,7 +107,7 @@ PilotNotes::Plan PilotNotes::plan_split(double b, const CoarsePicture& finished,
     // clumps, and their mean is sharper.
     for (const Plan& plan : plans)
         if (plan.relative_error <= as_good * least) return plan;
-    return best;
+    return nothing_known;
 }
 
 }  // namespace usdmlt

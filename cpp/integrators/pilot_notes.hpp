@@ -19,7 +19,7 @@ public:
     CoarsePicture picture;
 
     // `brightness`: of the deposit; `weight`: the steps it stands for.
-    void add(const MutationContext& context, const Path& path, const ScaledDouble& target,
+    void add(MutationContext& context, const Path& path, const ScaledDouble& target,
              double brightness, double weight);
 
     // Error of path tracing and of bidirectional path tracing at one sample per pixel, relative as
