@@ -76,7 +76,9 @@ def test_the_recorded_density_is_the_recomputed_one(name: str) -> None:
 def test_what_a_proposal_kept_is_as_if_made_anew(name: str) -> None:
     """Factors and densities of unchanged vertices are not made again; those of the split see all
     that a wrong range of changed vertices would leave behind."""
-    rows = steps(name, ALL, rounds=1, samples=2500, starts=2500, steps=2, two_stage=True, selective=True)
+    rows = steps(
+        name, ALL, rounds=1, samples=2500, starts=2500, steps=2, two_stage=True, selective=True
+    )
     assert rows["mutation"].size > 300
     assert disagreement(rows, "log_target_anew", "log_target_after").max() < 1e-9
 
