@@ -7,15 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from support.usda import QUAD
 from usdmlt.scene import Mesh, Scene
 from usdmlt.stage import Inspection, inspect, load
-
-QUAD = """
-    int[] faceVertexCounts = [4]
-    int[] faceVertexIndices = [0, 1, 2, 3]
-    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
-    uniform token subdivisionScheme = "none"
-"""
 
 
 @pytest.fixture

@@ -6,7 +6,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from usdmlt.scene import Mesh
+from support.shapes import at_corners
+from support.usda import CUBE
 
 MATERIAL = """def Material "M" {{
     token outputs:surface.connect = </M/s.outputs:surface>
@@ -34,13 +35,6 @@ MATERIAL = """def Material "M" {{
 """
 BOUND = '(prepend apiSchemas = ["MaterialBindingAPI"]) { rel material:binding = </M>'
 TEXTURED = {s: MATERIAL.format(displacement=".connect = </M/t.outputs:r>", scale=s) for s in (1, 3)}
-CUBE = """
-    int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
-    int[] faceVertexIndices = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4,
-                               2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5]
-    point3f[] points = [(-1, -1, -1), (1, -1, -1), (-1, 1, -1), (1, 1, -1),
-                        (-1, -1, 1), (1, -1, 1), (-1, 1, 1), (1, 1, 1)]
-"""
 SQUARE = """
     int[] faceVertexCounts = [4]
     int[] faceVertexIndices = [0, 1, 2, 3]
@@ -59,18 +53,13 @@ def ramp(tmp_path):
     image.close()
 
 
-def corner_normals(mesh: Mesh) -> np.ndarray:
-    corners = mesh.triangles if mesh.normals.corners is None else mesh.normals.corners
-    return mesh.normals.values[corners]
-
-
 def test_a_sphere_grows_by_a_constant(only_mesh):
     body = (
         MATERIAL.format(displacement=" = 0.5", scale=1)
         + f'def Sphere "s" {BOUND}\ndouble radius = 2 }}'
     )
     mesh = only_mesh(body)
-    places, normals = mesh.points[mesh.triangles], corner_normals(mesh)
+    places, normals = mesh.points[mesh.triangles], at_corners(mesh.normals, mesh)
     assert np.linalg.norm(places, axis=-1) == pytest.approx(np.full(places.shape[:2], 2.5))
     assert normals == pytest.approx(places / 2.5, abs=0.05)
 
@@ -97,8 +86,13 @@ def test_subdivision_surfaces_are_displaced_after_subdivision(only_mesh):
     )
     step = (mesh.points - plain.points) / 0.25
     assert np.linalg.norm(step, axis=1) == pytest.approx(np.ones(len(step)), abs=1e-5)
-    assert step[plain.triangles] == pytest.approx(corner_normals(plain), abs=1e-5)
-    assert np.einsum("tci,tci->tc", corner_normals(mesh), corner_normals(plain)).min() > 0.995
+    assert step[plain.triangles] == pytest.approx(at_corners(plain.normals, plain), abs=1e-5)
+    assert (
+        np.einsum(
+            "tci,tci->tc", at_corners(mesh.normals, mesh), at_corners(plain.normals, plain)
+        ).min()
+        > 0.995
+    )
 
 
 @pytest.mark.parametrize("scheme", ["bilinear", "catmullClark"])
@@ -113,7 +107,7 @@ def test_textures_displace(only_mesh, ramp, scheme):
     inner = (st.values[:, 0] > 0.01) & (st.values[:, 0] < 0.99)
     assert mesh.points[inner, 2] == pytest.approx(3 * st.values[inner, 0], abs=1e-4)
     assert np.ptp(mesh.points[:, 2]) > 2.9
-    slope = corner_normals(mesh)[..., 0] / corner_normals(mesh)[..., 2]
+    slope = at_corners(mesh.normals, mesh)[..., 0] / at_corners(mesh.normals, mesh)[..., 2]
     assert np.median(slope) == pytest.approx(-0.75, abs=0.02)  # 3 up over 4 along
 
 

@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from support.scattering import albedo, draw, polar, probe_material, random_directions
+from support.usda import connect, mtlx_material, node
 from usdmlt.scene import Conductor, Diffuse, Layer, Sheen, TextureInput
 from usdmlt.stage import load
 from usdmlt.stage.open_pbr_surface import DEFAULTS as OPEN_PBR
@@ -16,21 +17,17 @@ from usdmlt.stage.standard_surface import DEFAULTS as STANDARD
 from usdmlt.stage.standard_surface import VERSION_100
 
 MODELS = {"standard_surface": STANDARD, "open_pbr_surface": OPEN_PBR}
-BODY = """
-def Material "M" {
-    token outputs:mtlx:surface.connect = </M/s.outputs:out>
-    def Shader "s" {
-        uniform token info:id = "ND_MODEL_surfaceshader"
-        INPUTS
-        token outputs:out
-    }
-    NODES
-}
+MESH = """
 def Mesh "m" (prepend apiSchemas = ["MaterialBindingAPI"]) { QUAD
     texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] ( interpolation = "vertex" )
     rel material:binding = </M> }
 """
 TYPES = {float: "float", tuple: "color3f", bool: "bool"}
+
+
+def shown(model: str, inputs: str, nodes: str = "") -> str:
+    """A stage with a mesh of one surface; ``inputs`` as text."""
+    return mtlx_material(nodes, inputs, f"ND_{model}_surfaceshader") + MESH
 
 
 def authored(model: str, inputs: dict[str, object]) -> str:
@@ -47,8 +44,7 @@ def surface(read):
     """The material of one surface with the given inputs."""
 
     def read_surface(model: str, **inputs: object):
-        body = BODY.replace("MODEL", model).replace("INPUTS", authored(model, inputs))
-        return read(body.replace("NODES", "")).materials[0]
+        return read(shown(model, authored(model, inputs))).materials[0]
 
     return read_surface
 
@@ -319,8 +315,8 @@ def test_opacity_is_a_coverage(surface):
     ],
 )
 def test_what_is_left_out_is_said_once(examine, model, inputs, says):
-    body = BODY.replace("MODEL", model).replace("INPUTS", authored(model, inputs))
-    kinds = [w.kind for w in examine(body.replace("NODES", "")).warnings if "lights" not in w.kind]
+    warnings = examine(shown(model, authored(model, inputs))).warnings
+    kinds = [w.kind for w in warnings if "lights" not in w.kind]
     assert len(kinds) == (1 if says else 0)
     assert says is None or says in kinds[0]
 
@@ -334,25 +330,15 @@ def test_any_input_may_be_textured_and_the_same_as_the_constant(read, tmp_path):
     output.open(str(tmp_path / "half.exr"), spec)
     output.write_image(np.full((2, 2, 1), 0.5, np.float32))
     output.close()
-    image = """def Shader "image" {
-        uniform token info:id = "ND_image_float"
-        asset inputs:file = @half.exr@
-        float outputs:out
-    }"""
+    image = node("image", "ND_image_float", "asset inputs:file = @half.exr@")
     names = ["metalness", "specular_roughness", "specular", "coat", "coat_roughness", "sheen"]
     names += ["transmission", "specular_anisotropy", "subsurface", "specular_IOR", "emission"]
     for name in names:
         others = "" if name == "coat" else "float inputs:coat = 0.5\nfloat inputs:metalness = 0.3\n"
         others = others if name != "metalness" else "float inputs:coat = 0.5\n"
-        base = BODY.replace("MODEL", "standard_surface")
-        constant = read(
-            base.replace("INPUTS", f"{others}float inputs:{name} = 0.5").replace("NODES", "")
-        )
-        textured = read(
-            base.replace(
-                "INPUTS", f"{others}float inputs:{name}.connect = </M/image.outputs:out>"
-            ).replace("NODES", image)
-        )
+        constant = read(shown("standard_surface", f"{others}float inputs:{name} = 0.5"))
+        fed = others + connect(name, "image", "float")
+        textured = read(shown("standard_surface", fed, image))
         where = {"primvars": {"st": np.full((3, 2), 0.5)}, "tangent": (1.0, 0.0, 0.0)}
         a = probe_material(constant.materials[0], **where)
         b = probe_material(textured.materials[0], textured.textures, **where)
@@ -369,20 +355,10 @@ def test_normal_maps_are_read_from_normalmap_nodes(read, tmp_path):
     output.open(str(tmp_path / "n.exr"), spec)
     output.write_image(np.array([[[0.8, 0.5, 0.9]]], np.float32))
     output.close()
-    nodes = """
-    def Shader "map" {
-        uniform token info:id = "ND_normalmap_float"
-        float3 inputs:in.connect = </M/image.outputs:out>
-        float inputs:scale = 0.5
-        float3 outputs:out
-    }
-    def Shader "image" {
-        uniform token info:id = "ND_image_vector3"
-        asset inputs:file = @n.exr@
-        float3 outputs:out
-    }"""
-    body = BODY.replace("MODEL", "standard_surface").replace("NODES", nodes)
-    scene = read(body.replace("INPUTS", "float3 inputs:normal.connect = </M/map.outputs:out>"))
+    scale = connect("in", "image", "float3") + "float inputs:scale = 0.5"
+    nodes = node("map", "ND_normalmap_float", scale)
+    nodes += node("image", "ND_image_vector3", "asset inputs:file = @n.exr@")
+    scene = read(shown("standard_surface", connect("normal", "map", "float3"), nodes))
     material = scene.materials[0]
     assert isinstance(material.normal, TextureInput)
     found = probe_material(

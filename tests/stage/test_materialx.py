@@ -7,6 +7,7 @@ import OpenImageIO as oiio
 import pytest
 from pxr import UsdLux
 
+from support.usda import connect, mtlx_material, node
 from usdmlt.scene import (
     Add,
     Conductor,
@@ -23,31 +24,12 @@ from usdmlt.scene import (
     UniformEmission,
 )
 
-MATERIAL = """
-def Material "M" {
-    token outputs:mtlx:surface.connect = </M/surface.outputs:out>
-    def Shader "surface" {
-        uniform token info:id = "ND_surface"
-        SURFACE
-        token outputs:out
-    }
-    NODES
-}
-def Cube "c" (prepend apiSchemas = ["MaterialBindingAPI"]) { rel material:binding = </M> }
-"""
+CUBE = 'def Cube "c" (prepend apiSchemas = ["MaterialBindingAPI"]) { rel material:binding = </M> }'
 
 
-def node(name: str, kind: str, inputs: str = "") -> str:
-    return f"""def Shader "{name}" {{
-        uniform token info:id = "{kind}"
-        {inputs}
-        token outputs:out
-    }}
-    """
-
-
-def connect(name: str, other: str, type_name: str = "token") -> str:
-    return f"{type_name} inputs:{name}.connect = </M/{other}.outputs:out>\n"
+def shown(nodes: str = "", surface: str = connect("bsdf", "bsdf"), kind: str = "ND_surface") -> str:
+    """A stage with a cube of a material; ``bsdf`` feeds the surface."""
+    return mtlx_material(nodes, surface, kind) + CUBE
 
 
 @pytest.fixture
@@ -55,7 +37,7 @@ def material(read):
     """The material of a stage with the given nodes; ``bsdf`` feeds the surface."""
 
     def read_material(nodes: str, surface: str = connect("bsdf", "bsdf")):
-        scene = read(MATERIAL.replace("SURFACE", surface).replace("NODES", nodes))
+        scene = read(shown(nodes, surface))
         return scene.materials[scene.meshes[0].materials]
 
     return read_material
@@ -114,7 +96,7 @@ def test_indices_of_conductors_are_data_not_colors(read):
         "ND_conductor_bsdf",
         "color3f inputs:ior = (0.5, 1, 1.5)\ncolor3f inputs:extinction = (2, 3, 4)",
     )
-    body = MATERIAL.replace("SURFACE", connect("bsdf", "bsdf")).replace("NODES", nodes)
+    body = shown(nodes)
     closure = read(body, color_space="lin_ap1_scene").materials[0].closure
     assert (closure.ior, closure.extinction) == ((0.5, 1, 1.5), (2, 3, 4))
 
@@ -229,7 +211,7 @@ def test_anisotropy(material):
 
 def test_anisotropic_meshes_keep_the_coordinates_their_grooves_follow(read):
     nodes = node("bsdf", "ND_conductor_bsdf", "float2 inputs:roughness = (0.5, 0.25)")
-    body = MATERIAL.replace("SURFACE", connect("bsdf", "bsdf")).replace("NODES", nodes)
+    body = shown(nodes)
     assert set(read(body).meshes[0].primvars) == {"st"}
 
 
@@ -249,7 +231,7 @@ def test_images(read, image, space, expected):
         float2 inputs:uvtiling = (2, 3)
         string inputs:vaddressmode = "clamp" """,
     ) + node("bsdf", "ND_oren_nayar_diffuse_bsdf", connect("color", "i", "color3f"))
-    scene = read(MATERIAL.replace("SURFACE", connect("bsdf", "bsdf")).replace("NODES", nodes))
+    scene = read(shown(nodes))
     color = scene.materials[0].closure.color
     assert isinstance(color, TextureInput)
     assert color.primvar == "st"
@@ -266,7 +248,7 @@ def test_normal_maps(read, image):
         + node("n", "ND_normalmap", connect("in", "i", "float3"))
         + node("bsdf", "ND_oren_nayar_diffuse_bsdf", connect("normal", "n", "float3"))
     )
-    scene = read(MATERIAL.replace("SURFACE", connect("bsdf", "bsdf")).replace("NODES", nodes))
+    scene = read(shown(nodes))
     normal = scene.materials[0].normal
     assert (normal.scale, normal.bias) == ((2, 2, 2, 1), (-1, -1, -1, 0))
 
@@ -299,8 +281,7 @@ def test_graphs_that_cannot_be_rendered_leave_it_to_the_universal_context(materi
 
 
 def test_a_surface_shader_that_is_not_known_leaves_it_to_the_universal_context(read):
-    body = MATERIAL.replace("ND_surface", "ND_disney_principled_surfaceshader")
-    scene = read(body.replace("SURFACE", "").replace("NODES", UNIVERSAL))
+    scene = read(shown(UNIVERSAL, "", "ND_disney_principled_surfaceshader"))
     assert scene.materials[0].closure == PreviewSurface(roughness=0.75)
 
 
@@ -315,28 +296,23 @@ def test_a_surface_shader_that_is_not_known_leaves_it_to_the_universal_context(r
     ],
 )
 def test_graphs_that_cannot_be_rendered_are_warned_of(read, examine, nodes, says):
-    body = MATERIAL.replace("SURFACE", connect("bsdf", "bsdf")).replace("NODES", nodes)
+    body = shown(nodes)
     assert read(body).materials[0].name == "displayColor"
     assert any(says in str(w) for w in examine(body).warnings)
 
 
 def test_materialx_preview_surfaces_are_read_like_usds(read):
-    body = MATERIAL.replace("ND_surface", "ND_UsdPreviewSurface_surfaceshader")
-    scene = read(body.replace("SURFACE", "float inputs:roughness = 0.25").replace("NODES", ""))
+    kind = "ND_UsdPreviewSurface_surfaceshader"
+    scene = read(shown(surface="float inputs:roughness = 0.25", kind=kind))
     assert scene.materials[0].closure == PreviewSurface(roughness=0.25)
 
 
 def test_unlit_surfaces_only_emit(read):
-    body = MATERIAL.replace("ND_surface", "ND_surface_unlit").replace("NODES", "")
-    scene = read(
-        body.replace(
-            "SURFACE",
-            """float inputs:emission = 2
-            color3f inputs:emission_color = (0.5, 1, 0.25)
-            float inputs:transmission = 0.5
-            float inputs:opacity = 0.5""",
-        )
-    )
+    surface = """float inputs:emission = 2
+        color3f inputs:emission_color = (0.5, 1, 0.25)
+        float inputs:transmission = 0.5
+        float inputs:opacity = 0.5"""
+    scene = read(shown(surface=surface, kind="ND_surface_unlit"))
     assert scene.materials[0].closure == UniformEmission((1.0, 2.0, 0.5))
     assert scene.materials[0].opacity == 0.25
 
@@ -358,7 +334,7 @@ def test_lobes_that_are_too_many_leave_it_to_the_universal_context(material):
 def test_blackbodies_have_usds_colour(read):
     nodes = node("edf", "ND_uniform_edf", connect("color", "hot", "color3f"))
     nodes += node("hot", "ND_blackbody", "float inputs:temperature = 3000")
-    body = MATERIAL.replace("SURFACE", connect("edf", "edf")).replace("NODES", nodes)
+    body = shown(nodes, connect("edf", "edf"))
     color = read(body).materials[0].closure.color
     assert color == pytest.approx(UsdLux.BlackbodyTemperatureAsRgb(3000))
     assert np.dot(color, (0.2126, 0.7152, 0.0722)) == pytest.approx(1, abs=1e-3)
@@ -373,6 +349,6 @@ def test_thin_walls_of_closures_are_solids_where_they_refract(read, examine, mod
     glass = f'string inputs:scatter_mode = "{mode}"\nfloat inputs:ior = {ior}'
     nodes += node("glass", "ND_dielectric_bsdf", glass)
     surface = connect("bsdf", "bsdf") + "bool inputs:thin_walled = true"
-    body = MATERIAL.replace("SURFACE", surface).replace("NODES", nodes)
+    body = shown(nodes, surface)
     assert read(body).materials[0].thin_walled == thin
     assert any("as solids" in w.kind for w in examine(body).warnings) != thin

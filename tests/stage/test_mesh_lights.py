@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from support.rendering import picture
+from support.usda import connect, mtlx_material, node
 from usdmlt.errors import Error
 from usdmlt.scene import (
     Add,
@@ -19,26 +20,21 @@ from usdmlt.scene import (
 )
 from usdmlt.stage.mesh_lights import lit, separated
 
+
+def diffuse(color: str) -> str:
+    return node("bsdf", "ND_oren_nayar_diffuse_bsdf", f"color3f inputs:color = {color}")
+
+
+def glowing(color: str) -> str:
+    """Diffuse grey that glows."""
+    return mtlx_material(
+        diffuse("(0.5, 0.5, 0.5)")
+        + node("edf", "ND_uniform_edf", f"color3f inputs:color = {color}"),
+        connect("bsdf", "bsdf") + connect("edf", "edf"),
+    )
+
+
 STAGE = """
-def Material "M" {
-    token outputs:mtlx:surface.connect = </M/surface.outputs:out>
-    def Shader "surface" {
-        uniform token info:id = "ND_surface"
-        token inputs:bsdf.connect = </M/bsdf.outputs:out>
-        token inputs:edf.connect = </M/edf.outputs:out>
-        token outputs:out
-    }
-    def Shader "bsdf" {
-        uniform token info:id = "ND_oren_nayar_diffuse_bsdf"
-        color3f inputs:color = (0.5, 0.5, 0.5)
-        token outputs:out
-    }
-    def Shader "edf" {
-        uniform token info:id = "ND_uniform_edf"
-        color3f inputs:color = (0.2, 0.4, 0.6)
-        token outputs:out
-    }
-}
 def Mesh "m" (prepend apiSchemas = ["MeshLightAPI", "MaterialBindingAPI"]) {
     BINDING
     float inputs:intensity = 3
@@ -62,7 +58,7 @@ def seen(read):
     """The mean colour of the mesh, in front of which is nothing or a white sky."""
 
     def render(more: str = "", binding: str = BOUND, sky: bool = False) -> np.ndarray:
-        text = STAGE.replace("MORE", more).replace("BINDING", binding)
+        text = glowing("(0.2, 0.4, 0.6)") + STAGE.replace("MORE", more).replace("BINDING", binding)
         scene = read(text + ('def DomeLight "sky" {}' if sky else ""), width=4)
         return picture(scene, "path", samples=256, depth=2).mean(axis=(0, 1))
 
@@ -117,19 +113,6 @@ def Mesh "floor" (prepend apiSchemas = ["MaterialBindingAPI"]) {
     point3f[] points = [(-9, -9, -4), (9, -9, -4), (9, 9, -4), (-9, 9, -4)]
     uniform token subdivisionScheme = "none"
 }
-def Material "M" {
-    token outputs:mtlx:surface.connect = </M/surface.outputs:out>
-    def Shader "surface" {
-        uniform token info:id = "ND_surface"
-        token inputs:bsdf.connect = </M/bsdf.outputs:out>
-        token outputs:out
-    }
-    def Shader "bsdf" {
-        uniform token info:id = "ND_oren_nayar_diffuse_bsdf"
-        color3f inputs:color = (1, 1, 1)
-        token outputs:out
-    }
-}
 def Camera "main_cam" {
     token projection = "orthographic"
     float horizontalAperture = 0.1
@@ -138,7 +121,8 @@ def Camera "main_cam" {
     uniform token[] xformOpOrder = ["xformOp:translate"]
 }
 """
-    scene = read(text, width=2)
+    white = mtlx_material(diffuse("(1, 1, 1)"), connect("bsdf", "bsdf"))
+    scene = read(white + text, width=2)
     # Lambert: four quarters of a parallel square, with a = half the side over the distance.
     a = 0.5 / 4
     root = np.sqrt(1 + a * a)
@@ -149,9 +133,7 @@ def Camera "main_cam" {
 
 
 def test_a_material_that_does_not_glow_makes_a_dark_light_and_a_warning(examine):
-    text = (
-        STAGE.replace("(0.2, 0.4, 0.6)", "(0, 0, 0)").replace("MORE", "").replace("BINDING", BOUND)
-    )
+    text = glowing("(0, 0, 0)") + STAGE.replace("MORE", "").replace("BINDING", BOUND)
     warnings = {w.kind: w.paths for w in examine(text).warnings}
     assert warnings["mesh lights are dark: their materials do not glow"] == ["/m"]
 

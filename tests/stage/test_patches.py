@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from support.shapes import volume
 from usdmlt.errors import Error
 
 # A quarter of a cylinder of radius 2 about z, from z = 0 to 3: u runs around it.
@@ -116,9 +117,7 @@ def test_tetrahedral_meshes_show_their_surface(only_mesh, authored):
         (0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 4), (1, 4, 3), (2, 3, 4)]"""
     mesh = only_mesh(f'def TetMesh "t" {{ {TETS} {surface if authored else ""} }}')
     assert len(mesh.triangles) == 6
-    a, b, c = (mesh.points[mesh.triangles[:, i]].astype(float) for i in range(3))
-    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
-    assert volume == pytest.approx(1 / 6 + 1 / 3)
+    assert volume(mesh) == pytest.approx(1 / 6 + 1 / 3)
 
 
 def test_broken_tetrahedra_name_their_path(read):

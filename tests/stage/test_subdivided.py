@@ -5,17 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from support.shapes import at_corners, face_normals, volume
+from support.usda import CUBE
 from usdmlt.errors import Error
-from usdmlt.scene import Mesh, Primvar
+from usdmlt.scene import Mesh
 
-# A cube from -1 to 1 with outward faces.
-CUBE = """
-    int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
-    int[] faceVertexIndices = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4,
-                               2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5]
-    point3f[] points = [(-1, -1, -1), (1, -1, -1), (-1, 1, -1), (1, 1, -1),
-                        (-1, -1, 1), (1, -1, 1), (-1, 1, 1), (1, 1, 1)]
-"""
 # Two by two cells; vertex 4 is in the middle.
 SHEET = """
     int[] faceVertexCounts = [4, 4, 4, 4]
@@ -23,22 +17,6 @@ SHEET = """
     point3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0),
                         (0, 2, 0), (1, 2, 0), (2, 2, 0)]
 """
-
-
-def at_corners(primvar: Primvar, mesh: Mesh) -> np.ndarray:
-    corners = mesh.triangles if primvar.corners is None else primvar.corners
-    return primvar.values[corners]
-
-
-def face_normals(mesh: Mesh) -> np.ndarray:
-    a, b, c = (mesh.points[mesh.triangles[:, i]].astype(float) for i in range(3))
-    normals = np.cross(b - a, c - a)
-    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
-
-
-def volume(mesh: Mesh) -> float:
-    a, b, c = (mesh.points[mesh.triangles[:, i]].astype(float) for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
 # ---------------------------------------------------------------------------------------------

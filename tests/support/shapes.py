@@ -170,3 +170,31 @@ def bumpy_sheet(
     triangles = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
     others.setdefault("normals", Primvar(normals.reshape(-1, 3).astype(np.float32)))
     return mesh(points, triangles, material, **others)
+
+
+# ---------------------------------------------------------------------------------------------
+# What meshes are like
+
+
+def at_corners(primvar: Primvar, mesh: Mesh) -> np.ndarray:
+    """(triangles, 3, width): the values at the corners of triangles."""
+    corners = mesh.triangles if primvar.corners is None else primvar.corners
+    return primvar.values[corners]
+
+
+def face_normals(mesh: Mesh) -> np.ndarray:
+    """(triangles, 3) unit normals."""
+    a, b, c = corners_of(mesh)
+    normals = np.cross(b - a, c - a)
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def volume(mesh: Mesh) -> float:
+    """What a closed mesh holds: positive where triangles face outwards."""
+    a, b, c = corners_of(mesh)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def corners_of(mesh: Mesh) -> list[np.ndarray]:
+    """Three times (triangles, 3) float64."""
+    return [mesh.points[mesh.triangles[:, i]].astype(float) for i in range(3)]
