@@ -11,6 +11,7 @@
 #include "python/bind_patterns.hpp"
 #include "python/bind_render.hpp"
 #include "python/bind_scene.hpp"
+#include "python/bind_surfaces.hpp"
 
 namespace py = pybind11;
 
@@ -61,6 +62,7 @@ PYBIND11_MODULE(_core, module) {
     usdmlt::bind_materials(module);
     usdmlt::bind_lights(module);
     usdmlt::bind_scene(module);
+    usdmlt::bind_surfaces(module);
     usdmlt::bind_paths(module);
     usdmlt::bind_patterns(module);
     usdmlt::bind_mutations(module);

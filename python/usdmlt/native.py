@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,12 @@ def core() -> ModuleType:
     except ImportError as error:
         raise Error(f"the compiled core of usdmlt cannot be loaded: {error}") from error
     return _core
+
+
+@cache
+def surfaces() -> Any:
+    """The part of the core that makes triangles of polygons and subdivision surfaces."""
+    return core().surfaces
 
 
 def build_scene(scene: Scene, embree_isa: str) -> _core.Scene:

@@ -7,17 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from usdmlt.stage.face_varying import face_varying_cage
-from usdmlt.stage.subdivision import (
-    BILINEAR,
-    CATMULL_CLARK,
-    INFINITE,
-    LOOP,
-    Cage,
-    build_cage,
-    refine,
-)
-from usdmlt.stage.subdivision_limit import _tangents, find_sectors, limit_normals, limit_positions
+from usdmlt.native import surfaces
+from usdmlt.stage.subdivided import BILINEAR, CATMULL_CLARK, LOOP
+
+CORE = surfaces()
+INFINITE, Cage, refine = CORE.INFINITE, CORE.Cage, CORE.refine
+limit_normals, limit_positions = CORE.limit_normals, CORE.limit_positions
+find_sectors, face_varying_cage = CORE.find_sectors, CORE.face_varying_cage
 
 CUBE = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=float)
 CUBE_FACES = np.array(
@@ -26,7 +22,7 @@ CUBE_FACES = np.array(
 
 
 def cube() -> Cage:
-    return build_cage(np.full(6, 4), CUBE_FACES, 8)
+    return Cage(np.full(6, 4), CUBE_FACES, 8)
 
 
 def grid(cells: int) -> tuple[Cage, np.ndarray]:
@@ -36,7 +32,7 @@ def grid(cells: int) -> tuple[Cage, np.ndarray]:
     quads = np.stack([a, a + 1, a + cells + 2, a + cells + 1], axis=1)
     y, x = np.mgrid[0 : cells + 1, 0 : cells + 1]
     places = np.stack([x, y], axis=-1).reshape(-1, 2).astype(float)
-    return build_cage(np.full(cells**2, 4), quads.ravel(), len(places)), places
+    return Cage(np.full(cells**2, 4), quads.ravel(), len(places)), places
 
 
 def fan(scheme: str, faces: int, closed: bool) -> tuple[Cage, np.ndarray]:
@@ -48,7 +44,7 @@ def fan(scheme: str, faces: int, closed: bool) -> tuple[Cage, np.ndarray]:
     if scheme != LOOP:
         sides.insert(2, 1 + edges + np.arange(faces))
     polygons = np.stack(sides, axis=1)
-    cage = build_cage(np.full(faces, len(sides)), polygons.ravel(), polygons.max() + 1)
+    cage = Cage(np.full(faces, len(sides)), polygons.ravel(), polygons.max() + 1)
     at_center = np.flatnonzero(cage.corner_vertices == 0)
     finer = [np.zeros(1, int), cage.vertex_count + cage.corner_edges[at_center]]
     if not closed:
@@ -164,7 +160,7 @@ def test_sharp_corners_stay_where_they_are():
 
 def test_smooth_triangles_shift_edge_points():
     """Between two triangles: 0.47 of both face points, 0.03 of the ends instead of a quarter."""
-    cage = build_cage(np.array([3, 3]), np.array([0, 1, 2, 0, 2, 3]), 4)
+    cage = Cage(np.array([3, 3]), np.array([0, 1, 2, 0, 2, 3]), 4)
     edge = np.flatnonzero(cage.edge_sharpness == 0)
     _, step = refine(cage, CATMULL_CLARK, smooth_triangles=True)
     weights = step(np.eye(4))[cage.vertex_count + edge[0]]
@@ -179,7 +175,7 @@ def test_smooth_triangles_shift_edge_points():
 def test_loops_limit_of_a_tetrahedron():
     """Valence 3: beta = 3/16, so V / 3 + ... : limit = (2 V + sum E) / 5."""
     points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype=float)
-    cage = build_cage(np.full(4, 3), np.array([0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]), 4)
+    cage = Cage(np.full(4, 3), np.array([0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]), 4)
     limit = limit_positions(cage, LOOP)(points)
     assert limit[0] == pytest.approx([0.2, 0.2, 0.2])
     finer, values = refined(cage, LOOP, points, 3)
@@ -197,7 +193,7 @@ def test_a_regular_triangle_mesh_reproduces_quadratics():
     )
     y, x = np.mgrid[0:n, 0:n].reshape(2, -1).astype(float)
     points = np.stack([x + y / 2, y * np.sqrt(3) / 2, (x + y / 2) ** 2], axis=1)
-    cage = build_cage(np.full(len(triangles), 3), triangles.ravel(), n * n)
+    cage = Cage(np.full(len(triangles), 3), triangles.ravel(), n * n)
     inside = ((x > 2) & (x < 6) & (y > 2) & (y < 6)).nonzero()[0]
     center = points[inside].mean(axis=0)
     cage, values = refined(cage, LOOP, points, 2)
@@ -210,7 +206,7 @@ def test_a_regular_triangle_mesh_reproduces_quadratics():
 
 
 def test_bilinear_refinement_stays_on_the_patches():
-    cage = build_cage(np.array([4]), np.arange(4), 4)
+    cage = Cage(np.array([4]), np.arange(4), 4)
     points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 1), (0, 1, 0)], dtype=float)
     _, values = refined(cage, BILINEAR, points, 3)
     assert values[:, 2] == pytest.approx(values[:, 0] * values[:, 1])
@@ -235,10 +231,9 @@ def test_limit_masks_are_left_eigenvectors(scheme, closed, faces):
     assert limit @ matrix == pytest.approx(limit, abs=1e-14)
     assert limit.sum() == pytest.approx(1)
 
-    sectors = find_sectors(cage)
-    sector = sectors.sector[np.flatnonzero(cage.corner_vertices == 0)[0]]
+    sector = find_sectors(cage)[0][np.flatnonzero(cage.corner_vertices == 0)[0]]
     eigenvalues = np.sort(np.abs(np.linalg.eigvals(matrix)))[::-1]
-    for tangent in _tangents(cage, scheme, sectors):
+    for tangent in CORE.sector_tangents(cage, scheme):
         mask = tangent(np.eye(cage.vertex_count))[sector]
         mapped = mask @ matrix
         eigenvalue = mapped @ mask / (mask @ mask)
@@ -251,10 +246,10 @@ def test_limit_masks_are_left_eigenvectors(scheme, closed, faces):
 def test_normals_are_apart_across_creases_and_one_at_darts():
     cage, _ = grid(4)
     sharpen(cage, [10, 11, 12, 13], INFINITE)  # from the boundary to 13, inside the sheet
-    sectors = find_sectors(cage)
-    around = [np.unique(sectors.sector[cage.corner_vertices == v]).size for v in (11, 12, 13, 7)]
+    sector, _, _, closed = find_sectors(cage)
+    around = [np.unique(sector[cage.corner_vertices == v]).size for v in (11, 12, 13, 7)]
     assert around == [2, 2, 1, 1]
-    assert sectors.closed[sectors.sector[cage.corner_vertices == 13]].all()
+    assert closed[sector[cage.corner_vertices == 13]].all()
 
 
 # ---------------------------------------------------------------------------------------------

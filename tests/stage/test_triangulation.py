@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from usdmlt.stage.triangulation import triangulate
+from usdmlt.native import surfaces
+
+
+def triangulate(points: np.ndarray, counts: np.ndarray, indices: np.ndarray):
+    return surfaces().triangulate(points, counts, indices)
 
 
 def areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

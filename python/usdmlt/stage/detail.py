@@ -56,30 +56,22 @@ class Detail:
         """The same for another mesh."""
         return Detail(self.fixed, self.eye, self.pixel, local, placements, self.budget)
 
-    def level(self, points: np.ndarray, edges: np.ndarray, corners: int) -> int:
-        """The level at which the root mean square length of ``edges`` (n, 2) between ``points`` is
-        two pixels; their squares add up to about the area in the picture, and so does the number of
-        triangles. ``corners``: half the triangles of level 1."""
+    def level(self, points: np.ndarray, cage) -> int:
+        """The level at which the root mean square length of the edges of a cage, its vertices at
+        ``points`` (n, 3), is two pixels; their squares add up to about the area in the picture, and
+        so does the number of triangles."""
         if self.fixed is not None:
             return self.fixed
-        if not len(edges) or self.pixel <= 0:
+        if not cage.edge_count or self.pixel <= 0:
             return 0
-        transform = self._nearest(points)
-        at = points.astype(np.float64) @ transform[:3, :3] + transform[3, :3]
-        ends = at[edges]
-        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        size = np.full(len(edges), self.pixel)
-        if self.eye is not None:
-            distance = np.linalg.norm(ends.mean(axis=1) - self.eye, axis=1)
-            size = self.pixel * np.maximum(distance, length / 2)
-        with np.errstate(over="ignore", invalid="ignore"):
-            pixels = math.sqrt(float(np.mean(np.square(length[size > 0] / size[size > 0]))))
+        pixels = cage.edge_pixels(points, self._nearest(points), self.eye, self.pixel)
         if not math.isfinite(pixels):  # beyond all numbers, and not to be seen
             return 0
         level = math.ceil(math.log2(max(pixels / PIXELS, 1.0)))
         largest = min(LARGEST, self.budget.left // SHARE)
-        level = min(level, int(math.log(max(largest / (2 * corners), 1), 4)) + 1)
-        self.budget.left = max(self.budget.left - 2 * corners * 4 ** max(level - 1, 0), 0)
+        triangles = 2 * cage.corner_count  # of level 1
+        level = min(level, int(math.log(max(largest / triangles, 1), 4)) + 1)
+        self.budget.left = max(self.budget.left - triangles * 4 ** max(level - 1, 0), 0)
         return level
 
     def pixels(self, points: np.ndarray, length: float) -> float:
@@ -132,8 +124,8 @@ class SteadyDetail(Detail):
         self._next += 1
         return self._answers[self._next - 1]
 
-    def level(self, points: np.ndarray, edges: np.ndarray, corners: int) -> int:
-        return int(self._answer(lambda: super(SteadyDetail, self).level(points, edges, corners)))
+    def level(self, points: np.ndarray, cage) -> int:
+        return int(self._answer(lambda: super(SteadyDetail, self).level(points, cage)))
 
     def pixels(self, points: np.ndarray, length: float) -> float:
         return self._answer(lambda: super(SteadyDetail, self).pixels(points, length))

@@ -8,16 +8,12 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from usdmlt.errors import Error, Report
+from usdmlt.native import surfaces
 from usdmlt.scene import Mesh
 from usdmlt.stage.detail import Detail
 from usdmlt.stage.normals import authored_normals, normals_at_corners
 from usdmlt.stage.primvars import Spreads, Topology
 from usdmlt.stage.subdivided import SCHEMES, subdivide
-from usdmlt.stage.triangulation import triangulate
-from usdmlt.stage.vectors import cross, dot
-
-# A triangle is degenerate where its height is below this fraction of its longest edge.
-DEGENERATE = 1e-12
 
 
 @dataclass
@@ -52,7 +48,7 @@ def read_polygons(mesh: UsdGeom.Mesh, points: np.ndarray, time: Usd.TimeCode) ->
 
 def read_topology(mesh: UsdGeom.Mesh, polygons: Polygons, time: Usd.TimeCode) -> Topology:
     """The triangles of a mesh: holes left out, counter-clockwise seen from outside."""
-    corners, faces = triangulate(polygons.points, polygons.counts, polygons.indices)
+    corners, faces = surfaces().triangulate(polygons.points, polygons.counts, polygons.indices)
     if mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
         corners = np.ascontiguousarray(corners[:, (0, 2, 1)])
     vertices = polygons.indices[corners]
@@ -72,12 +68,8 @@ def read_topology(mesh: UsdGeom.Mesh, polygons: Polygons, time: Usd.TimeCode) ->
 
 def without_degenerate(topology: Topology, points: np.ndarray) -> Topology:
     """The topology without triangles of no area."""
-    a, b, c = (points[topology.vertices[:, i]].astype(np.float64) for i in range(3))
-    u, v, w = b - a, c - a, c - b
-    normal = cross(u, v)
-    longest = np.maximum(np.maximum(dot(u, u), dot(v, v)), dot(w, w))
-    keep = dot(normal, normal) > (DEGENERATE * longest) ** 2
-    return topology if keep.all() else topology.subset(keep)
+    keep = surfaces().solid_triangles(points, topology.vertices)
+    return topology if keep is None else topology.subset(keep)
 
 
 def read_mesh(

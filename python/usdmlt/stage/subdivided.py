@@ -8,23 +8,12 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from usdmlt.errors import Error, Report
+from usdmlt.native import surfaces
 from usdmlt.scene import Mesh, Primvar
 from usdmlt.stage.detail import Detail
-from usdmlt.stage.face_varying import face_varying_cage
 from usdmlt.stage.primvars import fits
-from usdmlt.stage.subdivision import (
-    BILINEAR,
-    CATMULL_CLARK,
-    INFINITE,
-    LOOP,
-    Cage,
-    bilinear,
-    build_cage,
-    refine,
-)
-from usdmlt.stage.subdivision_limit import limit_normals, limit_positions
-from usdmlt.stage.triangulation import triangulate
-from usdmlt.stage.vectors import cross
+
+CATMULL_CLARK, LOOP, BILINEAR = SCHEMES = ("catmullClark", "loop", "bilinear")
 
 
 class Subdivided:
@@ -53,41 +42,37 @@ class Subdivided:
         self.smooth_triangles = triangles == UsdGeom.Tokens.smooth
 
         # The corners and faces that take part, by their authored numbers.
-        self.corners, self.owners, counts = self._usable(points, counts, indices, report)
-        self.counts = counts
-        self.cage = build_cage(counts, indices[self.corners], len(points))
+        self.corners, self.owners, self.counts = self._usable(points, counts, indices, report)
+        self.cage = surfaces().Cage(self.counts, indices[self.corners], len(points))
         read_sharpness(mesh, self.cage, time, report)
         boundary = str(mesh.GetInterpolateBoundaryAttr().Get(time))
         self.hidden = self._hidden_faces(mesh, boundary, time)
         if boundary == UsdGeom.Tokens.edgeAndCorner:
             faces = np.bincount(self.cage.corner_vertices, minlength=self.cage.vertex_count)
-            self.cage.vertex_sharpness[faces == 1] = INFINITE
+            self.cage.vertex_sharpness[faces == 1] = surfaces().INFINITE
 
     def _usable(self, points, counts, indices, report) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Faces of at least three sides, none of them from a vertex to itself; triangles if the
         scheme asks for them."""
-        sides = 3 if self.scheme == LOOP else None
-        if sides and (counts != sides).any():
+        split = None
+        if self.scheme == LOOP and (counts != 3).any():
             report.warn("Loop's scheme is for triangles: other faces are split", self.path)
-            corners, owners = triangulate(points, counts, indices)
-            counts, corners = np.full(len(owners), 3), corners.ravel()
-        else:
-            owners, corners = np.arange(len(counts)), np.arange(len(indices))
-        face = np.repeat(np.arange(len(counts)), counts)
-        starts = np.repeat(np.cumsum(counts) - counts, counts)
-        position = np.arange(len(corners)) - starts
-        following = starts + (position + 1) % np.repeat(counts, counts)
-        collapsed = indices[corners] == indices[corners[following]]
-        good = counts >= 3
-        good[face[collapsed]] = False
-        if not good.all():
+            split, faces = surfaces().triangulate(points, counts, indices)
+            counts, indices = np.full(len(faces), 3, dtype=np.int32), indices[split.ravel()]
+        corners, owners, sides = surfaces().usable_faces(counts, indices)
+        if len(owners) < len(counts):
             report.note("faces without area are left out", self.path)
-        return corners[good[face]], owners[good], counts[good]
+        if split is not None:
+            corners, owners = split.ravel()[corners], faces[owners]
+        return corners, owners, sides
 
     def _hidden_faces(self, mesh: UsdGeom.Mesh, boundary: str, time: Usd.TimeCode) -> np.ndarray:
-        """(cage faces,): holes, and, if boundaries are not interpolated, the faces beside them."""
-        hidden = np.zeros(self.cage.face_count, dtype=bool)
+        """(cage faces,): holes, and, if boundaries are not interpolated, the faces beside them;
+        empty for none."""
         holes = np.asarray(mesh.GetHoleIndicesAttr().Get(time) or [], dtype=np.int64)
+        if not len(holes) and boundary != UsdGeom.Tokens.none:
+            return np.empty(0, dtype=bool)
+        hidden = np.zeros(self.cage.face_count, dtype=bool)
         if len(holes):
             if not (holes.min() >= 0 and holes.max() < self.face_count):
                 raise Error(f"{self.path}: holeIndices out of range (0 to {self.face_count - 1})")
@@ -96,7 +81,7 @@ class Subdivided:
             uses = np.bincount(self.cage.corner_edges, minlength=self.cage.edge_count)
             beside = np.zeros(self.cage.vertex_count, dtype=bool)
             beside[self.cage.edge_vertices[uses < 2]] = True
-            beside &= self.cage.vertex_sharpness < INFINITE
+            beside &= self.cage.vertex_sharpness < surfaces().INFINITE
             hidden[self.cage.corner_faces[beside[self.cage.corner_vertices]]] = True
         return hidden
 
@@ -108,26 +93,20 @@ class Subdivided:
     def refine(self, level: int) -> None:
         """Make the triangles of a level."""
         self.level = level if self.regular else max(level, 1)
-        self.cages = [self.cage]
-        self.refinements = []
+        self.cages, self.refinements = [self.cage], []
         for _ in range(self.level):
-            finer, refinement = refine(self.cages[-1], self.scheme, self.smooth_triangles)
+            finer, refinement = self._refined(self.cages[-1])
             self.cages.append(finer)
             self.refinements.append(refinement)
-        finest = self.cages[-1]
-        sides = 3 if self.scheme == LOOP else 4
-        corners = np.arange(finest.corner_count).reshape(-1, sides)
-        if sides == 4:
-            corners = corners[:, (0, 1, 2, 0, 2, 3)].reshape(-1, 3)
-        if self.left_handed:
-            corners = corners[:, (0, 2, 1)]
-        cage_face = finest.corner_faces[corners[:, 0]]
-        for coarser in self.cages[-2::-1]:
-            cage_face = cage_face // 4 if sides == 3 else coarser.corner_faces[cage_face]
-        shown = ~self.hidden[cage_face]
-        self.triangle_corners = np.ascontiguousarray(corners[shown])
-        self.vertices = finest.corner_vertices[self.triangle_corners].astype(np.int32)
-        self.faces = self.owners[cage_face[shown]].astype(np.int32)
+        triangles = self.cages[-1].triangles(self.left_handed, self.hidden)
+        self.triangle_corners, self.vertices, cage_faces = triangles
+        self.faces = self.owners[cage_faces]
+
+    def _refined(self, cage):
+        try:
+            return surfaces().refine(cage, self.scheme, self.smooth_triangles)
+        except ValueError as error:  # std::length_error
+            raise Error(f"{self.path}: {error}") from None
 
     # -- values
 
@@ -139,27 +118,18 @@ class Subdivided:
 
     @cached_property
     def limit(self):
-        return None if self.scheme == BILINEAR else limit_positions(self.cages[-1], self.scheme)
+        if self.scheme == BILINEAR:
+            return None
+        return surfaces().limit_positions(self.cages[-1], self.scheme)
 
     def normals(self, refined: np.ndarray, limit: np.ndarray) -> Primvar:
-        """Unit normals of the limit surface, apart on both sides of creases."""
+        """Unit normals of the limit surface, apart on both sides of creases; of bilinear patches,
+        apart at every corner."""
         finest = self.cages[-1]
-        if self.scheme == BILINEAR:  # those of the bilinear patch each corner belongs to
-            at = limit[finest.corner_vertices]
-            ahead, behind = (
-                limit[finest.corner_vertices[end]] - at
-                for end in (finest.following, finest.preceding)
-            )
-            normals = cross(ahead, behind)
-            length = np.linalg.norm(normals, axis=1, keepdims=True)
-            normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
-            normals[length[:, 0] == 0] = (0.0, 0.0, 1.0)
-            index = np.arange(finest.corner_count)
-        else:
-            normals, index = limit_normals(finest, self.scheme, refined, limit)
+        normals, index = surfaces().limit_normals(finest, self.scheme, refined, limit)
         if self.left_handed:
             normals = -normals
-        corners = index[self.triangle_corners].astype(np.int32)
+        corners = index[self.triangle_corners]
         return Primvar(normals.astype(np.float32), corners)
 
     def spread(
@@ -184,7 +154,7 @@ class Subdivided:
             values = values[indices]
         if interpolation == UsdGeom.Tokens.varying:
             for cage in self.cages[:-1]:
-                values = _linear(cage, self.scheme)(values)
+                values = surfaces().linear_refinement(cage, self.scheme)(values)
         else:
             values = self.smooth(values)[1]
         return Primvar(values.astype(np.float32))
@@ -192,26 +162,22 @@ class Subdivided:
     def _face_varying(self, values: np.ndarray, indices: np.ndarray | None) -> Primvar:
         index = np.arange(self.corner_count) if indices is None else indices
         linear = self.scheme == BILINEAR or self.rule == UsdGeom.Tokens.all
-        cage, chosen = face_varying_cage(self.cage, self.counts, index[self.corners], self.rule)
+        cage, chosen = surfaces().face_varying_cage(
+            self.cage, self.counts, index[self.corners], self.rule
+        )
         values = values[chosen]
         for _ in range(self.level):
+            coarser = cage
+            cage, step = self._refined(coarser)
             if linear:
-                step, (cage, _) = _linear(cage, self.scheme), refine(cage, self.scheme)
-            else:
-                cage, step = refine(cage, self.scheme, self.smooth_triangles)
+                step = surfaces().linear_refinement(coarser, self.scheme)
             values = step(values)
         if not linear:
-            values = limit_positions(cage, self.scheme)(values)
-        corners = cage.corner_vertices[self.triangle_corners].astype(np.int32)
-        return Primvar(values.astype(np.float32), corners)
+            values = surfaces().limit_positions(cage, self.scheme)(values)
+        return Primvar(values.astype(np.float32), cage.corner_vertices[self.triangle_corners])
 
 
-def _linear(cage: Cage, scheme: str):
-    """Linear interpolation to the vertices that a scheme's refinement makes."""
-    return bilinear(cage).others if scheme == LOOP else bilinear(cage)
-
-
-def read_sharpness(mesh: UsdGeom.Mesh, cage: Cage, time: Usd.TimeCode, report: Report) -> None:
+def read_sharpness(mesh: UsdGeom.Mesh, cage, time: Usd.TimeCode, report: Report) -> None:
     """Creases and corners of a mesh into the sharpness of its cage."""
     path = mesh.GetPath()
 
@@ -224,7 +190,7 @@ def read_sharpness(mesh: UsdGeom.Mesh, cage: Cage, time: Usd.TimeCode, report: R
         report.warn("corners whose number of sharpnesses does not fit are ignored", path)
     elif len(corners):
         _check_vertices(mesh.GetCornerIndicesAttr(), corners, cage)
-        np.maximum.at(cage.vertex_sharpness, corners, np.clip(sharpness, 0, INFINITE))
+        _sharpen(cage.vertex_sharpness, corners, sharpness)
 
     indices = numbers(mesh.GetCreaseIndicesAttr(), np.int64)
     lengths = numbers(mesh.GetCreaseLengthsAttr(), np.int64)
@@ -246,16 +212,18 @@ def read_sharpness(mesh: UsdGeom.Mesh, cage: Cage, time: Usd.TimeCode, report: R
     last = np.zeros(len(indices), dtype=bool)
     last[np.cumsum(lengths) - 1] = True
     tail, head = indices[~last], indices[np.flatnonzero(~last) + 1]
-    keys = cage.edge_vertices[:, 0] * cage.vertex_count + cage.edge_vertices[:, 1]
-    wanted = np.minimum(tail, head) * cage.vertex_count + np.maximum(tail, head)
-    edge = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
-    found = keys[edge] == wanted if len(keys) else np.zeros(len(wanted), dtype=bool)
+    edge = np.array([*map(cage.find_edge, tail.tolist(), head.tolist())], dtype=np.int64)
+    found = edge >= 0
     if not found.all():
         report.note("creases along what is no edge are ignored", path)
-    np.maximum.at(cage.edge_sharpness, edge[found], np.clip(sharpness[found], 0, INFINITE))
+    _sharpen(cage.edge_sharpness, edge[found], sharpness[found])
 
 
-def _check_vertices(attribute: Usd.Attribute, indices: np.ndarray, cage: Cage) -> None:
+def _sharpen(values: np.ndarray, where: np.ndarray, sharpness: np.ndarray) -> None:
+    np.maximum.at(values, where, np.clip(sharpness, 0, surfaces().INFINITE))
+
+
+def _check_vertices(attribute: Usd.Attribute, indices: np.ndarray, cage) -> None:
     if not (indices.min() >= 0 and indices.max() < cage.vertex_count):
         raise Error(f"{attribute.GetPath()}: out of range for {cage.vertex_count} points")
 
@@ -274,7 +242,7 @@ def subdivide(
     surface = Subdivided(mesh, counts, indices, points, time, report)
     if not surface.cage.face_count:
         return None
-    surface.refine(detail.level(points, surface.cage.edge_vertices, surface.cage.corner_count))
+    surface.refine(detail.level(points, surface.cage))
     if not len(surface.vertices):
         return None
     refined, limit = surface.smooth(points)
@@ -283,6 +251,3 @@ def subdivide(
         Mesh(limit.astype(np.float32), surface.vertices, normals, name=str(surface.path)),
         surface,
     )
-
-
-SCHEMES = (CATMULL_CLARK, LOOP, BILINEAR)
