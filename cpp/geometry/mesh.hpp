@@ -41,6 +41,8 @@ struct Mesh {
     std::vector<CornerValues> primvars;        // by the scene's primvar slot; may be empty
     std::vector<uint32_t> triangle_materials;  // empty: `material` for all
     uint32_t material = 0;
+    uint32_t receiver = 0;          // what lights are linked to: see LightLinks
+    uint32_t link = invalid_index;  // collection that its own emission is linked to
     // At the further equidistant times of the shutter's interval; empty: it does not move.
     std::vector<std::vector<Vec3f>> later_positions;
     std::vector<std::vector<float>> later_normals;  // values of `normals`; empty: they stay

@@ -2,6 +2,7 @@
 
 #include "paths/connect.hpp"
 #include "paths/densities.hpp"
+#include "paths/emission.hpp"
 
 namespace usdmlt {
 namespace {
@@ -75,7 +76,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             light_vertex(scene, point, time, *v);
         }
         if (v->is_light && k >= settings.min_edges) {
-            Spectrum value = throughput * radiance(scene.lights, v->light, -ray.direction);
+            Spectrum value = throughput * emission(scene, *v, *previous, -ray.direction);
             if (!is_black(value)) {
                 if (k > 1 && previous->component == non_delta) {
                     const double p =

@@ -28,17 +28,21 @@ double pdf_leaving(const L& light, Vec3f normal, Vec3f direction) {
 
 }  // namespace
 
-Spectrum radiance(const Lights& lights, const LightPoint& point, Vec3f direction) {
+Spectrum radiance(const Lights& lights, const LightPoint& point, Vec3f direction,
+                  uint32_t receiver) {
     if (point.light == environment_light) {
         Spectrum sum;
-        for (const uint32_t index : lights.environment)
+        for (const uint32_t index : lights.environment) {
+            if (!lights.links.illuminates(index, receiver)) continue;
             std::visit(
                 [&]<typename L>(const L& light) {
                     if constexpr (Infinite<L>) sum += incoming_radiance(light, point.direction);
                 },
                 lights.lights[index]);
+        }
         return sum;
     }
+    if (!lights.links.illuminates(point.light, receiver)) return {};
     return std::visit(
         [&]<typename L>(const L& light) {
             if constexpr (Shape<L>) {

@@ -56,6 +56,7 @@ double flux(const L& light) {
 
 uint32_t add(Lights& lights, Light&& light) {
     lights.lights.push_back(std::move(light));
+    lights.links.of_light.push_back(invalid_index);
     return static_cast<uint32_t>(lights.lights.size() - 1);
 }
 
@@ -114,7 +115,9 @@ uint32_t add_dome(Lights& lights, const Affine3f& transform, const Spectrum& rad
 
 uint32_t add_mesh(Lights& lights, const Mesh& mesh, const Affine3f& to_world,
                   std::span<const Affine3f> later, const Materials& materials) {
-    return add(lights, MeshLight(mesh, to_world, later, materials));
+    const uint32_t index = add(lights, MeshLight(mesh, to_world, later, materials));
+    lights.links.of_light[index] = mesh.link;
+    return index;
 }
 
 void Lights::finish(Vec3f center, float radius) {

@@ -19,6 +19,7 @@
 #include "lights/distant.hpp"
 #include "lights/dome.hpp"
 #include "lights/light.hpp"
+#include "lights/light_links.hpp"
 #include "lights/mesh_light.hpp"
 #include "lights/rect.hpp"
 #include "lights/sphere.hpp"
@@ -36,6 +37,7 @@ concept Infinite = requires(const L& light) { incoming_radiance(light, Vec3f{});
 
 struct Lights {
     std::vector<Light> lights;
+    LightLinks links;
 
     // Filled by finish().
     struct Choice {
@@ -98,8 +100,10 @@ bool sample_direct(const Lights& lights, Vec3f reference, float u_select, Vec2f 
 double pdf_direct(const Lights& lights, const LightPoint& point, Vec3f reference);
 
 // `direction`: unit, leaving the light; ignored at infinity, where the point is the direction. The
-// environment: the sum over its lights. Dirac lights: irradiance.
-Spectrum radiance(const Lights& lights, const LightPoint& point, Vec3f direction);
+// environment: the sum over its lights. Dirac lights: irradiance. `receiver`: the kind of what it
+// arrives at, see LightLinks.
+Spectrum radiance(const Lights& lights, const LightPoint& point, Vec3f direction,
+                  uint32_t receiver = every_receiver);
 
 // ---------------------------------------------------------------------------------------------
 // The first edge of a light subpath.

@@ -1,6 +1,7 @@
 #include "paths/connect.hpp"
 
 #include "paths/densities.hpp"
+#include "paths/emission.hpp"
 
 namespace usdmlt {
 double strategy_weight(const Scene& scene, const SubpathVertex* x, const SubpathVertex* x_previous,
@@ -62,7 +63,7 @@ double strategy_weight(const Scene& scene, const SubpathVertex* x, const Subpath
 
 Spectrum emitted_contribution(const Scene& scene, const Subpath& camera, int t) {
     const SubpathVertex& z = camera[t - 1];
-    return z.throughput * radiance(scene.lights, z.light, z.to_previous);
+    return z.throughput * emission(scene, z, camera[t - 2], z.to_previous);
 }
 
 LightDensities light_densities(const Scene& scene, const SubpathVertex& x0,
@@ -95,7 +96,7 @@ Spectrum join(const Scene& scene, const SubpathVertex& x, const SubpathVertex* x
     if (x_previous)
         value *= scattering(x, x.to_previous, to_z);
     else
-        value *= radiance(scene.lights, x.light, to_z) * x.opacity;
+        value *= emission(scene, x, z, to_z) * x.opacity;
     if (is_black(value)) return {};
     return value * static_cast<float>(geometry_term(x, z, to_z));
 }

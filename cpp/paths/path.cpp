@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "paths/densities.hpp"
+#include "paths/emission.hpp"
 
 namespace usdmlt {
 
@@ -41,7 +42,7 @@ bool update_scattering(const Scene& scene, Path& path, int first, int last) {
     for (int i = first; i <= last; ++i) {
         PathVertex& v = path.at(i);
         if (i == 0)
-            v.scattering = radiance(scene.lights, path[0].light, path.to_eye(0)) * path[0].opacity;
+            v.scattering = emission(scene, path[0], path[1], path.to_eye(0)) * path[0].opacity;
         else if (i == k)
             v.scattering =
                 Spectrum(static_cast<float>(scene.camera.importance(path.to_light(k), path.time)));

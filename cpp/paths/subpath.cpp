@@ -1,6 +1,7 @@
 #include "paths/subpath.hpp"
 
 #include "paths/densities.hpp"
+#include "paths/emission.hpp"
 
 namespace usdmlt {
 namespace {
@@ -21,6 +22,13 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
         if (!trace_vertex(scene, ray, role == Known::eye, sampler.stream(), counters, v,
                           v.edge_transmittance))
             return;
+        if (role == Known::light && path.count == 1 && !scene.lights.links.empty()) {
+            // What the light gives depends on what the ray has met.
+            const double cosine = previous.infinite ? 1 : abs_dot(previous.normal, ray.direction);
+            weight = emission(scene, previous, v, ray.direction) * previous.throughput *
+                     static_cast<float>(previous.opacity * cosine / pdf);
+            if (is_black(weight)) return;
+        }
         v.throughput = weight;
         v.survival = survival;
         v.to_previous = -ray.direction;

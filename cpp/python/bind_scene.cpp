@@ -226,6 +226,27 @@ Camera make_camera(const py::handle& source, Vec3d center, int width, int height
     return camera;
 }
 
+// Of lights and meshes; nothing where no light is linked.
+void add_light_links(const py::object& source, Scene& scene) {
+    const py::object compiled =
+        py::module_::import("usdmlt.light_links").attr("compile_light_links")(source);
+    const auto members = py::cast<py::array_t<uint8_t>>(compiled.attr("members"));
+    if (members.size() == 0) return;
+    LightLinks& links = scene.lights.links;
+    links.collections = static_cast<uint32_t>(members.shape(1));
+    links.members.assign(members.data(), members.data() + members.size());
+    const auto numbers = [&](const char* name) {
+        const auto array = py::cast<Indices>(compiled.attr(name));
+        return std::vector<uint32_t>(array.data(), array.data() + array.size());
+    };
+    links.of_light = numbers("of_light");
+    const std::vector<uint32_t> of_mesh = numbers("of_mesh"), kind = numbers("kind_of_mesh");
+    for (size_t i = 0; i < scene.meshes.size(); ++i) {
+        scene.meshes[i].link = of_mesh[i];
+        scene.meshes[i].receiver = kind[i];
+    }
+}
+
 std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& embree_library,
                                   const std::string& isa) {
     auto library = embree::load(embree_library);
@@ -301,6 +322,7 @@ std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& e
     scene->background = py::cast<bool>(source.attr("background"));
     scene->lights = lights_from_python(py::cast<py::list>(source.attr("lights")), origin,
                                        scene->materials.textures);
+    add_light_links(source, *scene);
     {
         const py::gil_scoped_release release;
         scene->commit(std::move(library), isa);

@@ -45,6 +45,12 @@ struct Scene {
                    : instance_first_light[instance] + emissive_rank[mesh];
     }
 
+    // What lights are linked to of a surface; mesh: invalid_index for a light's own shape.
+    uint32_t receiver_of(uint32_t mesh) const {
+        return lights.links.empty() || mesh == invalid_index ? every_receiver
+                                                             : meshes[mesh].receiver;
+    }
+
     Affine3f placement(uint32_t instance, float time) const {
         const Instance& placed = instances[instance];
         return transform_at(placed.to_world, placed.later(instance_steps), time);

@@ -243,7 +243,8 @@ class Mesh:
     :attr:`Scene.materials`, or (m,) int32, one per triangle; ``transform`` local to world, or to
     the prototype's space. ``motion``: while the shutter is open, at further equidistant times, the
     last when it closes; the mesh itself is as it is when the shutter opens. Points and normals
-    move linearly in between.
+    move linearly in between. ``collections``: names of those that it is in, for lights that are
+    linked to one; ``light_link``: the one that its own emission is linked to, as of lights.
     """
 
     points: np.ndarray
@@ -254,6 +255,8 @@ class Mesh:
     transform: np.ndarray = field(default_factory=identity)
     name: str = ""
     motion: list[MeshStep] = field(default_factory=list)
+    collections: frozenset[str] = frozenset()
+    light_link: str | None = None
 
 
 @dataclass
@@ -280,6 +283,10 @@ class Instances:
 
 # ---------------------------------------------------------------------------------------------
 # Lights. ``radiance`` is final: intensity, exposure, colour, temperature and normalisation applied.
+#
+# ``light_link``: the light illuminates the meshes that have this name among their ``collections``,
+# and no others; None: everything. The camera sees it all the same. What a light does not illuminate
+# still casts shadows in it, and what reflects its light lights everything.
 
 
 @dataclass
@@ -319,6 +326,7 @@ class RectLight:
     texture: int | None = None
     shaping: Shaping | None = None
     name: str = ""
+    light_link: str | None = None
 
 
 @dataclass
@@ -330,6 +338,7 @@ class DiskLight:
     transform: np.ndarray = field(default_factory=identity)
     shaping: Shaping | None = None
     name: str = ""
+    light_link: str | None = None
 
 
 @dataclass
@@ -341,6 +350,7 @@ class SphereLight:
     transform: np.ndarray = field(default_factory=identity)
     shaping: Shaping | None = None
     name: str = ""
+    light_link: str | None = None
 
 
 @dataclass
@@ -353,6 +363,7 @@ class CylinderLight:
     transform: np.ndarray = field(default_factory=identity)
     shaping: Shaping | None = None
     name: str = ""
+    light_link: str | None = None
 
 
 @dataclass
@@ -366,6 +377,7 @@ class DistantLight:
     angle_degrees: float = 0.53
     transform: np.ndarray = field(default_factory=identity)
     name: str = ""
+    light_link: str | None = None
 
 
 @dataclass
@@ -376,6 +388,7 @@ class DomeLight:
     texture: int | None = None
     transform: np.ndarray = field(default_factory=identity)
     name: str = ""
+    light_link: str | None = None
 
 
 Light = Union[RectLight, DiskLight, SphereLight, CylinderLight, DistantLight, DomeLight]

@@ -48,6 +48,10 @@ def test_so_it_does_with_the_target_that_the_selective_split_leaves(name: str) -
     require_stationarity(name, 30000, rounds=2, two_stage=True, selective=True)
 
 
+def test_so_it_does_where_lights_are_linked() -> None:
+    require_stationarity("linked_lights", 30000, rounds=2)
+
+
 VARIANTS = {
     "all light": {"min_edges": 1},
     "no direct light, two stages": {"min_edges": 3, "two_stage": True},

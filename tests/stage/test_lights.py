@@ -247,9 +247,7 @@ def test_lights_that_cannot_be_name_their_path(read, body, says):
     [
         ("float inputs:diffuse = 0.5", "multipliers"),
         ("rel light:filters = </f>", "light filters"),
-        ("rel collection:lightLink:excludes = </c>", "linking"),
-        ("bool collection:lightLink:includeRoot = false", "linking"),
-        ("rel collection:shadowLink:includes = </c>", "linking"),
+        ("rel collection:shadowLink:excludes = </c>", "shadow linking"),
         ("bool inputs:shadow:enable = false", "cast shadows"),
         ("rel portals = </p>", "portals"),
         ("float inputs:intensity = -1", "negative intensity"),

@@ -455,5 +455,44 @@ def motion() -> s.Scene:
     )
 
 
+@scene
+def linked_lights() -> s.Scene:
+    """Lights of all kinds that illuminate some things only: shapes, a mesh, an environment of
+    three lights, a sun without extent; through glass, and instances."""
+    ground, props, glass = map(frozenset, (["ground"], ["props"], ["props", "glass"]))
+    ball = sphere(0.6, 2, rings=8, smooth=True, transform=translate(-0.9, 0.7, 0.3))
+    lamp = quad((0.9, 1.6, -1.0), (0, 0, 0.9), (0.9, 0.4, 0), 3)
+    post = box((-0.15, 0, -0.15), (0.15, 0.8, 0.15), 1)
+    ball.collections, lamp.light_link, post.collections = glass, "ground", props
+    return picture_of(
+        perspective((0, 2.2, 5), (0, 0.5, 0), 38),
+        meshes=[
+            floor(0, collections=ground),
+            box((0.2, 0, 0), (0.9, 0.8, 0.7), 1, collections=props),
+            ball,
+            lamp,
+        ],
+        prototypes=[s.Prototype([post])],
+        instances=[s.Instances(0, np.array([translate(x, 0, -0.8) for x in (-1.5, -0.2)]))],
+        materials=[
+            WHITE,
+            RED,
+            s.Material(s.Dielectric(1.5, 0.25, scatter_mode="RT")),
+            s.Material(s.Add(s.Diffuse((0.5, 0.5, 0.5)), s.UniformEmission((3, 2.5, 2)))),
+        ],
+        textures=[s.Texture(sky())],
+        lights=[
+            s.RectLight((9, 8, 6), 1.2, 1.2, facing((-1.5, 3, 1), (-1, 0, 0)), light_link="glass"),
+            s.SphereLight((4, 7, 4), 0.3, translate(0.1, 1.9, 0.6), light_link="props"),
+            s.DiskLight((3, 3, 3), 0.4, facing((1.6, 2.6, 2), (0.4, 0, 0))),
+            s.DomeLight((0.4, 0.5, 0.8), 0, light_link="props"),
+            s.DomeLight((0.1, 0.1, 0.1)),
+            s.DistantLight((30, 25, 20), 14.0, facing((0, 0, 0), (1, -2, 0)), light_link="ground"),
+            s.DistantLight((0.3, 0.6, 0.9), 0.0, facing((0, 0, 0), (-1, -2, -1)),
+                           light_link="props"),
+        ],
+    )  # fmt: skip
+
+
 def build(name: str) -> s.Scene:
     return SCENES[name]()

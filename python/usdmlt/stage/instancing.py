@@ -1,7 +1,8 @@
 """Native instances and point instancers as groups and where these are placed.
 
 Instances share a group when they would look the same: they have the same USD prototype and
-inherit the same material, purpose and constant primvars from outside of it.
+inherit the same material, purpose and constant primvars from outside of it, and the same lights
+are linked to what is inside.
 """
 
 from __future__ import annotations
@@ -9,13 +10,14 @@ from __future__ import annotations
 from collections.abc import Hashable
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdShade
+from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from usdmlt.errors import Error, Report
 from usdmlt.stage.color import ColorSpaces
 from usdmlt.stage.flattening import place
 from usdmlt.stage.gprims import POINT_SPHERE
 from usdmlt.stage.instance_motion import instance_motion, placed_motion, sphere_motion
+from usdmlt.stage.light_links import LightLinks, linked_lights
 from usdmlt.stage.motion import stacked
 from usdmlt.stage.points import read_spheres, sphere_transforms
 from usdmlt.stage.primvars import read_values
@@ -43,6 +45,7 @@ class Instancing:
         colors: ColorSpaces,
         material_purpose: str,
         report: Report,
+        links: LightLinks | None = None,
     ):
         self.stage = stage
         self.traversal = traversal
@@ -50,6 +53,7 @@ class Instancing:
         self.colors = colors
         self.material_purpose = material_purpose
         self.report = report
+        self.links = links or LightLinks()
         self.groups: list[Group] = []
         self._by_key: dict[Hashable, Group] = {}
         self._collections: dict[Usd.Prim, bool] = {}
@@ -79,21 +83,25 @@ class Instancing:
         placements: dict[Hashable, list[Placed]] = {}
         for placed, material, relationship in zip(group.instances, *bound, strict=True):
             key = self._key(placed, material, relationship)
+            if self.links:
+                key = (key, group.drawn_by, self.links.seen_inside(placed.prim, group.drawn_by))
             placements.setdefault(key, []).append(placed)
         for key, instances in placements.items():
             transforms = np.array([placed.matrix for placed in instances])
             for index in np.flatnonzero(singular(transforms)):
                 raise Error(f"{instances[index].prim.GetPath()}: the transform is singular")
             if key not in self._by_key:
-                self._by_key[key] = self._walk_instance(instances[0])
+                self._by_key[key] = self._walk_instance(group, instances[0])
             motion = stacked(transforms, [placed.motion for placed in instances])
             group.children.append((self._by_key[key], Placements(transforms, motion=motion)))
 
-    def _walk_instance(self, placed: Placed) -> Group:
+    def _walk_instance(self, outer: Group, placed: Placed) -> Group:
         """A new group of what is below an instance, seen through its proxies."""
         prim = placed.prim
         to_world = self.traversal.xforms.GetLocalToWorldTransform(prim)
-        group = Group(str(prim.GetPath()), from_world=to_world.GetInverse())
+        group = Group(
+            str(prim.GetPath()), from_world=to_world.GetInverse(), drawn_by=outer.drawn_by
+        )
         self.traversal.walk(group, prim.GetFilteredChildren(CHILDREN), placed.purpose)
         self.groups.append(group)
         return group
@@ -196,24 +204,29 @@ class Instancing:
             motion = placed_motion(transforms, own, placed)
         transforms = transforms @ placed.matrix
         for index in np.unique(which[visible]):
-            child = self._prototype(instancer, targets[index], placed)
+            child = self._prototype(group, instancer, targets[index], placed)
             if child is not None:
                 chosen = visible & (which == index)
                 own = {name: value[chosen] for name, value in values.items()}
                 moving = None if motion is None else motion[:, chosen]
                 group.children.append((child, Placements(transforms[chosen], own, moving)))
 
-    def _prototype(self, instancer: UsdGeom.PointInstancer, target, placed: Placed) -> Group | None:
+    def _prototype(
+        self, outer: Group, instancer: UsdGeom.PointInstancer, target: Sdf.Path, placed: Placed
+    ) -> Group | None:
         """The group of a prototype of an instancer, its own transform included."""
         prim = self.stage.GetPrimAtPath(target)
         if not prim:
             raise Error(f"{instancer.GetPath()}: its prototype {target} does not exist")
         if not prim.IsActive():
             return None
+        drawn_by = (*outer.drawn_by, instancer.GetPath())
         key = ("point instancer", str(instancer.GetPath()), str(target), placed.purpose)
+        if self.links:
+            key = (key, drawn_by)
         if key not in self._by_key:
             to_world = self.traversal.xforms.GetParentToWorldTransform(prim)
-            group = Group(str(target), from_world=to_world.GetInverse())
+            group = Group(str(target), from_world=to_world.GetInverse(), drawn_by=drawn_by)
             self.traversal.walk(group, [prim], placed.purpose, PROTOTYPE_CHILDREN)
             self.groups.append(group)
             self._by_key[key] = group
@@ -235,7 +248,7 @@ class Instancing:
             self.report.note("shapes without extent are left out", placed.prim.GetPath())
             return
         sphere = Placed(placed.prim, POINT_SPHERE, IDENTITY, placed.purpose)
-        child = Group(str(placed.prim.GetPath()), gprims=[sphere])
+        child = Group(str(placed.prim.GetPath()), gprims=[sphere], drawn_by=group.drawn_by)
         self.groups.append(child)
         group.children.append((child, Placements(transforms @ placed.matrix, motion=motion)))
 
@@ -267,6 +280,26 @@ class Instancing:
                 continue
             found[name] = values.astype(np.float64)
         return found
+
+
+def collect_groups(
+    stage: Usd.Stage,
+    traversal: Traversal,
+    colors: ColorSpaces,
+    material_purpose: str,
+    report: Report,
+) -> tuple[list[Group], LightLinks]:
+    """The groups of a stage, the world first, and what its lights are linked to.
+
+    Which instances links tell apart is known when all lights are: the stage is then walked again.
+    """
+    instancing = Instancing(stage, traversal, colors, material_purpose, report)
+    instancing.collect()
+    links = LightLinks(linked_lights(stage, instancing.groups))
+    if links and len(instancing.groups) > 1:
+        instancing = Instancing(stage, traversal, colors, material_purpose, report, links)
+        instancing.collect()
+    return instancing.groups, links
 
 
 def _names_read(shader: UsdShade.Shader, time: Usd.TimeCode) -> set[str]:

@@ -25,6 +25,7 @@ from usdmlt.stage.light_sizes import (
     rect_area,
     sphere_area,
 )
+from usdmlt.stage.membership import SHADOW_LINK, Collection, is_authored
 from usdmlt.stage.numbers import finite_number
 from usdmlt.stage.textures import Textures
 
@@ -223,14 +224,8 @@ class LightReader:
         for relationship, kind_of in (("light:filters", "filters"), ("portals", "portals")):
             if prim.GetRelationship(relationship).GetTargets():
                 report.warn(f"light {kind_of} are not rendered", path)
-        for collection in ("lightLink", "shadowLink"):
-            rule = prim.GetAttribute(f"collection:{collection}:includeRoot")
-            linked = rule and rule.Get(self.time) is False
-            for part in ("includes", "excludes"):
-                targets = prim.GetRelationship(f"collection:{collection}:{part}")
-                linked = linked or (targets and targets.GetTargets())
-            if linked:
-                report.warn("light and shadow linking are ignored", path)
+        if is_authored(prim, SHADOW_LINK) and not Collection(prim, SHADOW_LINK).has_all:
+            report.warn("shadow linking is ignored", path)
         if prim.HasAPI(UsdLux.ShadowAPI) and self.value(prim, "shadow:enable") is False:
             report.warn("lights always cast shadows", path)
 

@@ -20,7 +20,7 @@ from usdmlt.stage.draw_modes import StandIns
 from usdmlt.stage.flattening import flatten
 from usdmlt.stage.framing import framing_camera, scene_bounds, stage_bounds
 from usdmlt.stage.geometry import GeometryReader
-from usdmlt.stage.instancing import Instancing
+from usdmlt.stage.instancing import collect_groups
 from usdmlt.stage.lights import LightReader, default_dome
 from usdmlt.stage.materials import Materials, emits
 from usdmlt.stage.mesh_lights import MeshLights
@@ -152,8 +152,7 @@ def _read_content(
     materials = Materials(Networks(time, colors, textures, report), report)
     visibility = PassVisibility(settings.render_pass, report)
     traversal = Traversal(time, purposes, skinning, report, options.draw_modes, visibility, shutter)
-    instancing = Instancing(stage, traversal, colors, settings.material_purpose, report)
-    instancing.collect()
+    groups, links = collect_groups(stage, traversal, colors, settings.material_purpose, report)
     detail = _detail(stage, time, purposes, options, settings, camera)
     stand_ins = StandIns(time, purposes, colors, materials, report)
     geometry = GeometryReader(
@@ -172,12 +171,13 @@ def _read_content(
     mesh_lights = MeshLights(
         materials.materials, settings.material_purpose, lights.mesh_radiance, report
     )
-    for group in instancing.groups:
+    for group in groups:
         group.scene_meshes = geometry.read(group)
         mesh_lights.apply(group)
         group.scene_lights = [lights.read(p.prim, p.kind, p.matrix) for p in group.lights]
+        links.apply(group)
 
-    flat = flatten(instancing.groups, materials, report)
+    flat = flatten(groups, materials, report)
     placed_lights = flat.lights
     lit = placed_lights or any(emits(material) for material in materials.materials)
     if not lit and options.default_light:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from pxr import Usd
 
 from usdmlt.errors import Report
+from usdmlt.stage.membership import is_authored
 
 PRUNE, VISIBILITY = "prune", "renderVisibility"
 IGNORED = ("cameraVisibility", "matte")
@@ -22,12 +23,12 @@ class PassVisibility:
         self._prune = self._visible = None
         if render_pass is None:
             return
-        if _is_authored(render_pass, PRUNE):
+        if is_authored(render_pass, PRUNE):
             self._prune = Usd.CollectionAPI(render_pass, PRUNE).ComputeMembershipQuery()
-        if _is_authored(render_pass, VISIBILITY):
+        if is_authored(render_pass, VISIBILITY):
             self._visible = Usd.CollectionAPI(render_pass, VISIBILITY).ComputeMembershipQuery()
         for name in IGNORED:
-            if _is_authored(render_pass, name):
+            if is_authored(render_pass, name):
                 report.warn(
                     "camera visibility and mattes of render passes are ignored",
                     f"{render_pass.GetPath()} ({name})",
@@ -40,14 +41,3 @@ class PassVisibility:
     def shows(self, prim: Usd.Prim) -> bool:
         """Whether a prim itself is rendered."""
         return self._visible is None or self._visible.IsPathIncluded(prim.GetPath())
-
-
-def _is_authored(render_pass: Usd.Prim, name: str) -> bool:
-    collection = Usd.CollectionAPI(render_pass, name)
-    root, expression = collection.GetIncludeRootAttr(), collection.GetMembershipExpressionAttr()
-    return bool(
-        collection.GetIncludesRel().GetTargets()
-        or collection.GetExcludesRel().GetTargets()
-        or (root and root.HasAuthoredValue())
-        or (expression and expression.HasAuthoredValue())
-    )

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
 
 from usdmlt.errors import Report
 from usdmlt.scene import Light, Mesh
@@ -69,6 +69,7 @@ class Group:
     instancers: list[Placed] = field(default_factory=list)
     points: list[Placed] = field(default_factory=list)  # that are instances of one sphere
     children: list[tuple[Group, Placements]] = field(default_factory=list)
+    drawn_by: tuple[Sdf.Path, ...] = ()  # point instancers, from the outermost on
     # Where all of it is in the world; filled in once all groups are known:
     placements: Placements = field(default_factory=lambda: Placements(np.empty((0, 4, 4))))
     # Filled in once the prims are read:
