@@ -15,6 +15,8 @@ constexpr int direct_stratified_pairs = 11;
 
 // Shares of a unit's work: the mean of the picture hangs on the bootstrap, b.
 constexpr double bootstrap_share = 0.25, least_share_of_chains = 0.1;
+// Of chains, where units are shortened.
+constexpr double least_chains_kept = 0.25;
 // Time of a ray of bidirectional samples, many of which are shadow rays, in those of a mutation;
 // measured.
 constexpr double cost_of_sample_rays = 0.55;
@@ -179,6 +181,16 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
     scratch.bootstrap.draw(unit_key(settings, 1, 3), pilot_samples, scratch.statistics.bootstrap);
     pilot_rays += rays_of(scratch.statistics.bootstrap.rays);
     strategies = strategy_table(paths, scratch.bootstrap.entries());
+}
+
+void MetropolisPlan::shorten(double work_per_pixel) {
+    if (!has_chains()) return;
+    const double wanted = work_per_pixel * image_pixels / double(pixels.units_per_pass());
+    const double samples = work - double(mutations_per_unit());
+    if (wanted >= work) return;
+    chains = std::clamp(static_cast<int>((wanted - samples) / steps),
+                        std::max(static_cast<int>(chains * least_chains_kept), 1), chains);
+    work = double(mutations_per_unit()) + samples;
 }
 
 MetropolisScratch::MetropolisScratch(const Scene& scene, const MetropolisPlan& plan)

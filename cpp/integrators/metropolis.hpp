@@ -26,6 +26,9 @@ struct MetropolisPlan {
     MetropolisPlan(const Scene& scene, const Settings& settings);
 
     int64_t mutations_per_unit() const { return int64_t(chains) * steps; }
+    // Leaves chains out where the units of one pass over the pixels would be more than so much work
+    // per pixel.
+    void shorten(double work_per_pixel);
     // Bounds of the chains' paths; chains that have none do nothing.
     bool has_chains() const { return paths.min_edges <= paths.depth; }
 

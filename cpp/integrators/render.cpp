@@ -48,6 +48,15 @@ Settings resolve(const Scene& scene, Settings settings) {
     return settings;
 }
 
+std::unique_ptr<const MetropolisPlan> again(const MetropolisPlan* plan, uint64_t seed,
+                                            int samples) {
+    if (!plan) return nullptr;
+    auto copy = std::make_unique<MetropolisPlan>(*plan);
+    copy->paths.seed = copy->direct.seed = seed;
+    copy->shorten(samples);
+    return copy;
+}
+
 // Memory of one rendering thread.
 struct ThreadState {
     PathTracerScratch path;
@@ -92,6 +101,18 @@ Render::Render(std::shared_ptr<const Scene> scene, const Settings& settings)
       film_(tiles_.width, tiles_.height, film_scale(*scene_, settings_),
             settings_.integrator != IntegratorKind::path, settings_.error_layer),
       statistics_(settings_.depth) {}
+
+Render::Render(const Render& other, uint64_t seed, int samples)
+    : scene_(other.scene_),
+      settings_(other.settings_),
+      tiles_(other.tiles_),
+      metropolis_(again(other.metropolis_.get(), seed, samples)),
+      film_(tiles_.width, tiles_.height, other.film_.scale(), other.film_.has_splats(), false),
+      statistics_(settings_.depth) {
+    settings_.seed = seed;
+    settings_.samples = samples;
+    settings_.error_layer = false;
+}
 
 int64_t Render::units_total() const {
     if (!metropolis_) return tiles_.count() * settings_.samples;

@@ -16,6 +16,10 @@ public:
     // pilots, counted, that deposit nothing.
     Render(std::shared_ptr<const Scene> scene, const Settings& settings);
 
+    // By the same plan, with other random numbers and without an error layer: independent of this
+    // render, given the plan. With few samples the units of Metropolis light transport are shorter.
+    Render(const Render& other, uint64_t seed, int samples);
+
     const Scene& scene() const { return *scene_; }
     const Settings& settings() const { return settings_; }
     const Film& film() const { return film_; }

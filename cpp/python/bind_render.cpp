@@ -219,6 +219,14 @@ void bind_render(py::module_& module) {
              "Renders units [units_done, last_unit) and returns units_done. poll(units_started) is "
              "called ten times a second; true, a signal or an exception stops handing out units, "
              "and those that were started are finished.")
+        .def(
+            "again",
+            [](const Render& render, uint64_t seed, int samples) {
+                if (samples < 1) throw std::invalid_argument("samples must be at least 1");
+                return std::make_unique<Render>(render, seed, samples);
+            },
+            py::arg("seed"), py::arg("samples"),
+            "A render by the same plan with other random numbers, and without an error layer.")
         .def("image", &image, "Linear premultiplied RGBA, (height, width, 4) float32.")
         .def("error", &error, "Standard error of the image's luminance, (height, width) float32.")
         .def("stats", &stats)

@@ -120,7 +120,7 @@ def render(scene: Scene, integrator: IntegratorName, samples: int, depth: int, s
     rendering = Rendering(scene, settings)
     rendering.run()
     seconds = process_time() - start
-    with _no_warnings():
+    with no_warnings():
         image = rendering.image()
     return Timed(image["color"].astype(np.float64), seconds, str(rendering.integrator), image.stats)
 
@@ -240,7 +240,7 @@ def mean_and_error(values: list[float]) -> tuple[float, float]:
 
 
 @contextmanager
-def _no_warnings() -> Iterator[None]:
+def no_warnings() -> Iterator[None]:
     """What a render would say about its picture is not said again for every seed."""
     logger = logging.getLogger("usdmlt")
     level = logger.level

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -85,14 +86,13 @@ class Image:
         written; an existing file of that name is then as it was.
         """
         target = check_extension(path)
-        if target.suffix.lower() == ".exr":
-            channels, attributes = self._exr()
-        else:
-            channels, attributes = self._png(view)
+        exr = target.suffix.lower() == ".exr"
+        part = self.exr_part() if exr else Part(*self._png(view))
         with files.replacing(target) as temporary:
-            _write_channels(temporary, channels, attributes, self.metadata.get("data_window"))
+            write_parts(temporary, [part])
 
-    def _exr(self) -> tuple[_Channels, dict[str, Any]]:
+    def exr_part(self) -> Part:
+        """What an EXR of this picture holds."""
         rgba = np.concatenate([self["color"], self["alpha"][..., None]], axis=-1)
         beyond = int(np.count_nonzero(np.abs(rgba) > HALF_MAX))
         if beyond:
@@ -117,7 +117,7 @@ class Image:
         channels = dict(zip("RGBA", np.moveaxis(rgba, -1, 0), strict=True))
         if "error" in self.channels:
             channels[ERROR_CHANNEL] = self["error"].astype(np.float32)
-        return channels, attributes
+        return Part(channels, attributes, self.metadata.get("data_window"))
 
     def _png(self, view: View) -> tuple[_Channels, dict[str, Any]]:
         attributes = {"oiio:ColorSpace": "sRGB" if view == "sRGB" else self.color_space}
@@ -173,42 +173,63 @@ def check_extension(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _write_channels(
-    path: Path,
-    channels: _Channels,
-    attributes: dict[str, Any],
-    data_window: dict[str, int] | None = None,
-) -> None:
-    """Write the file and make sure that all of it is there; OSError otherwise.
+@dataclass(frozen=True)
+class Part:
+    """Of a file: channels in its order, attributes, and where the pixels are in the whole picture.
 
-    ``data_window``: where the pixels are in the whole picture, and its size.
+    Only an EXR can have several; their attribute ``oiio:subimagename`` tells them apart.
     """
+
+    channels: _Channels
+    attributes: dict[str, Any]
+    data_window: dict[str, int] | None = None
+
+    @property
+    def pixels(self) -> npt.NDArray[Any]:
+        """(height, width, channels)."""
+        return np.stack(list(self.channels.values()), axis=-1)
+
+
+def write_parts(path: Path, parts: Sequence[Part]) -> None:
+    """Write the file and make sure that all of it is there; OSError otherwise."""
     import OpenImageIO as oiio
 
-    pixels = np.stack(list(channels.values()), axis=-1)
-    height, width, count = pixels.shape
-    spec = oiio.ImageSpec(width, height, count, _FORMATS[pixels.dtype.name])
-    spec.channelnames = tuple(channels)
-    spec.channelformats = tuple(
-        oiio.TypeDesc(_FORMATS[channel.dtype.name]) for channel in channels.values()
-    )
-    if data_window is not None and path.suffix.lower() == ".exr":
-        spec.x, spec.y = data_window["x"], data_window["y"]
-        spec.full_width, spec.full_height = data_window["full_width"], data_window["full_height"]
-    for name, value in attributes.items():
-        _set_attribute(spec, name, value)
+    specs = [_spec(part, path.suffix.lower() == ".exr") for part in parts]
     file = oiio.ImageOutput.create(os.fspath(path))
     if file is None:
         raise OSError(_one_line(oiio.geterror()))
-    written = file.open(os.fspath(path), spec) and file.write_image(pixels)
+    written = file.open(os.fspath(path), specs if len(specs) > 1 else specs[0])
+    for number, (part, spec) in enumerate(zip(parts, specs, strict=True)):
+        if number:
+            written = written and file.open(os.fspath(path), spec, "AppendSubimage")
+        written = written and file.write_image(part.pixels)
     written = file.close() and written
     if not written or file.has_error:
         raise OSError(_one_line(file.geterror()))
-    if not _is_whole(path, pixels):
+    if not _is_whole(path, parts):
         raise OSError("the end of the file could not be written; is the disk full?")
 
 
-def _is_whole(path: Path, pixels: npt.NDArray[Any]) -> bool:
+def _spec(part: Part, exr: bool) -> Any:
+    import OpenImageIO as oiio
+
+    pixels = part.pixels
+    height, width, count = pixels.shape
+    spec = oiio.ImageSpec(width, height, count, _FORMATS[pixels.dtype.name])
+    spec.channelnames = tuple(part.channels)
+    spec.channelformats = tuple(
+        oiio.TypeDesc(_FORMATS[channel.dtype.name]) for channel in part.channels.values()
+    )
+    window = part.data_window
+    if window is not None and exr:
+        spec.x, spec.y = window["x"], window["y"]
+        spec.full_width, spec.full_height = window["full_width"], window["full_height"]
+    for name, value in part.attributes.items():
+        _set_attribute(spec, name, value)
+    return spec
+
+
+def _is_whole(path: Path, parts: Sequence[Part]) -> bool:
     """Whether the file's end reached the disk: OpenImageIO does not report errors at closing."""
     import OpenImageIO as oiio
 
@@ -220,10 +241,15 @@ def _is_whole(path: Path, pixels: npt.NDArray[Any]) -> bool:
     if file is None:
         oiio.geterror()  # fetched so that it is not printed at exit
         return False
-    again = file.read_image(_FORMATS[pixels.dtype.name])
+    whole = True
+    for number, part in enumerate(parts):
+        pixels = part.pixels
+        count = pixels.shape[-1]
+        again = file.read_image(number, 0, 0, count, _FORMATS[pixels.dtype.name])
+        whole = whole and again is not None and np.array_equal(again, pixels, equal_nan=True)
     file.geterror()
     file.close()
-    return again is not None and np.array_equal(again, pixels, equal_nan=True)
+    return whole
 
 
 def _set_attribute(spec: Any, name: str, value: Any) -> None:

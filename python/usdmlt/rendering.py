@@ -6,7 +6,8 @@ import logging
 import os
 import signal
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from copy import copy
+from dataclasses import asdict, dataclass, fields, replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -75,6 +76,17 @@ class Rendering:
         self._render = native.plan_render(self._core_scene, settings, self.integrator)
         self._unreachable = unreachable_light(scene, self._core_scene, settings.depth)
         self._seconds_building = perf_counter() - started
+
+    def again(self, seed: int, samples: int) -> Rendering:
+        """A rendering by the same plan with other random numbers, and without an error layer.
+
+        Given the plan it is independent of this one, and of others again. ``seed``: below 2^64;
+        ``samples``: per pixel.
+        """
+        other = copy(self)
+        other.settings = replace(self.settings, samples=samples, mutations=None, error=False)
+        other._render = self._render.again(seed, samples)
+        return other
 
     @property
     def units_done(self) -> int:

@@ -3,8 +3,9 @@
 A subcommand module has ``add_parser(subparsers)``, which declares its flags and sets ``run``, and
 ``run(arguments) -> int``, which returns the exit status. Parsing imports nothing heavy.
 
-Exit status: 0 done; 1 it could not be done (one line on stderr); 2 wrong flags or values;
-130 and 143 after SIGINT and SIGTERM, the work so far kept.
+Exit status: 0 done; 1 it could not be done (one line on stderr), or `compare` found a difference;
+2 wrong flags or values, or pictures that `compare` cannot read or that differ in size; 130 and 143
+after SIGINT and SIGTERM, the work so far kept.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from usdmlt import __version__
-from usdmlt.cli import bench, doctor, inspect, render
+from usdmlt.cli import bench, compare, doctor, inspect, render
 from usdmlt.cli.logs import configure_logging
 
-SUBCOMMANDS = (render, inspect, bench, doctor)
+SUBCOMMANDS = (render, compare, inspect, bench, doctor)
 
 
 class Parser(argparse.ArgumentParser):

@@ -1,0 +1,260 @@
+"""Comparing two pictures by the best that they allow: batches, error layers, or their values."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from usdmlt import image
+from usdmlt.errors import Error, UsageError
+from usdmlt.image import Image
+from usdmlt.testing import metrics, references
+from usdmlt.testing.batches import Batches, means
+from usdmlt.testing.error_layers import compare_errors
+from usdmlt.testing.metrics import Metrics, Thresholds
+from usdmlt.testing.statistics import LUMINANCE, SIGNIFICANCE, TOLERANCE, Outcome, compare_batches
+
+Method = Literal["same bits", "batches", "errors", "values"]
+# Settings that decide how noise is distributed.
+NOISE = ("integrator", "samples", "filter", "depth", "mutation_weights", "direct", "selective")
+# Errors of all pixels together: chains are scaled by one estimate of b per unit.
+COMMON_ERRORS = ("mlt",)
+
+
+@dataclass
+class Comparison:
+    """Two pictures, and whether they show the same.
+
+    ``method``: what decided. ``outcome``: the statistical test, where there was one. ``reasons``:
+    why they differ, one line each; none: they are the same, as far as could be seen.
+    ``notes``: what else a reader should know.
+    """
+
+    reference: Image
+    picture: Image
+    method: Method
+    outcome: Outcome | None
+    metrics: Metrics
+    reasons: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def different(self) -> bool:
+        """Whether there is any reason to call them different."""
+        return bool(self.reasons)
+
+    def lines(self) -> list[str]:
+        """What was found, for people."""
+        lines = list(self.reasons)
+        outcome = self.outcome
+        if outcome is not None:
+            kind = "" if self.method == "batches" else "about "
+            lines.append(
+                f"p = {kind}{outcome.p:.2g} (different at {outcome.significance:g}, "
+                "the probability of a false alarm)"
+            )
+            if math.isfinite(outcome.ratio_error):
+                lines.append(
+                    f"brightness {outcome.ratio:.4f} ± {outcome.ratio_error:.4f} of the reference's"
+                )
+            if not self.reasons and math.isfinite(outcome.detectable):
+                lines.append(f"smallest change that would have been seen: {detectable(outcome)}")
+        elif self.method == "same bits":
+            lines.append("the pictures are the same, bit for bit")
+        lines.append(str(self.metrics))
+        return lines + self.notes
+
+
+def detectable(outcome: Outcome) -> str:
+    """The power of a test, for people."""
+    parts = [f"{outcome.detectable:.2g} of the whole picture's brightness"]
+    for size in (8, 32):
+        if size in outcome.detectable_by_size:
+            change = outcome.detectable_by_size[size]
+            parts.append(f"{change:.2g} of {size}x{size} pixels'")
+    return ", ".join(parts)
+
+
+def compare(
+    reference: Image,
+    picture: Image,
+    *,
+    significance: float = SIGNIFICANCE,
+    tolerance: float = TOLERANCE,
+    thresholds: Thresholds | None = None,
+    flip: float | None = None,
+) -> Comparison:
+    """Compare two pictures of the same size; ValueError where sizes differ.
+
+    With batches, or error layers, on both sides a statistical test decides; without, the values
+    have to agree within ``thresholds``, which are OpenImageIO's by default. ``thresholds`` and
+    ``flip``, the largest mean FLIP, decide as well where they are given.
+    """
+    if picture["color"].shape != reference["color"].shape:
+        sizes = [f"{x.width}x{x.height}" for x in (reference, picture)]
+        raise UsageError(f"the pictures differ in size: {sizes[0]} and {sizes[1]}")
+    rgba = [_rgba(x) for x in (picture, reference)]
+    fail = (thresholds or Thresholds()).fail
+    measured = metrics.measure(rgba[0], rgba[1], reference.color_space, fail)
+    outcome, method, notes = _test(reference, picture, significance, tolerance)
+    result = Comparison(reference, picture, method, outcome, measured, notes=notes)
+    if reference.color_space != picture.color_space:
+        result.reasons.append(
+            f"the colour spaces differ: {reference.color_space} and {picture.color_space}"
+        )
+    broken = int(np.count_nonzero(~np.isfinite(np.dstack(rgba)).all(axis=-1)))
+    if broken and method != "same bits":
+        result.reasons.append(f"{broken} pixels are not finite")
+    if outcome is not None and outcome.different:
+        result.reasons += [str(finding) for finding in outcome.findings]
+    if thresholds is not None or method == "values":
+        _by_thresholds(result, thresholds or Thresholds())
+    if flip is not None:
+        _by_flip(result, flip)
+    return result
+
+
+def _test(
+    reference: Image, picture: Image, significance: float, tolerance: float
+) -> tuple[Outcome | None, Method, list[str]]:
+    if isinstance(reference, Batches) and isinstance(picture, Batches):
+        if reference.bits and reference.bits == picture.bits:
+            return None, "same bits", []
+        pair, cell = _alike(reference, picture)
+        if pair is not None:
+            clip = same_noise(reference, picture)
+            notes = [] if clip else ["made in different ways: only means were compared"]
+            outcome = compare_batches(
+                *pair, cell=cell, significance=significance, tolerance=tolerance, clip=clip
+            )
+            return outcome, "batches", notes
+    if all(
+        np.array_equal(_rgba(reference)[..., c], _rgba(picture)[..., c], equal_nan=True)
+        for c in range(4)
+    ):
+        return None, "same bits", []
+    errors = [x.channels.get("error") for x in (reference, picture)]
+    if errors[0] is not None and errors[1] is not None and errors[0].any() and errors[1].any():
+        integrators = [x.metadata.get("integrator") for x in (reference, picture)]
+        common = any(name in COMMON_ERRORS for name in integrators)
+        notes = ["from error layers, so p is approximate"]
+        if common:
+            notes.append("the whole picture's brightness was not tested: its error is not known")
+        a, b = (
+            np.nan_to_num(x["color"]).astype(np.float64) @ LUMINANCE for x in (reference, picture)
+        )
+        outcome = compare_errors(
+            a, errors[0], b, errors[1], common=common, significance=significance
+        )
+        return outcome, "errors", notes
+    return None, "values", []
+
+
+def _alike(
+    reference: Batches, picture: Batches
+) -> tuple[tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None, int]:
+    """Batches of cells of one size and rounded in one way, if both have as many; and that size."""
+    if len(reference.pictures) != len(picture.pictures):
+        return None, 0
+    cell = max(reference.cell, picture.cell)
+    if cell % reference.cell or cell % picture.cell:
+        return None, 0
+    scale = reference.scale
+    a, b = (
+        references.rounded(means(x.pictures, cell // x.cell), scale) for x in (reference, picture)
+    )
+    return (a, b), cell
+
+
+def same_noise(reference: Batches, picture: Batches) -> bool:
+    """Whether both were made in a way that gives them noise of one distribution."""
+    one, other = reference.made, picture.made
+    if one.get("versions") != other.get("versions"):
+        return False
+    if one.get("plan") != other.get("plan"):
+        return False
+    settings = [made.get("settings", {}) for made in (one, other)]
+    return all(settings[0].get(name) == settings[1].get(name) for name in NOISE)
+
+
+def _by_thresholds(result: Comparison, thresholds: Thresholds) -> None:
+    found = result.metrics.difference
+    if found.exceeds(thresholds):
+        result.reasons.append(
+            f"{found.failed} of {found.pixels} pixels differ by more than {thresholds.fail:g}, "
+            f"the most by {found.largest:.4g}"
+        )
+
+
+def _by_flip(result: Comparison, most: float) -> None:
+    if result.metrics.flip is None:
+        raise Error("FLIP needs a package: pip install flip-evaluator")
+    if result.metrics.flip > most:
+        result.reasons.append(f"FLIP is {result.metrics.flip:.4f}, more than {most:g}")
+
+
+def _rgba(picture: Image) -> npt.NDArray[np.float32]:
+    return np.concatenate([picture["color"], picture["alpha"][..., None]], axis=-1)
+
+
+# ---------------------------------------------------------------------------------------------
+# Files
+
+
+def compare_files(
+    reference: str | os.PathLike[str], picture: str | os.PathLike[str], **options: Any
+) -> Comparison:
+    """Compare two EXRs, with :func:`compare`'s options.
+
+    Layers beside the picture, its error and its batches (depth, normals, ids) have to be there in
+    both and the same, bit for bit. :class:`usdmlt.Error` for what cannot be read.
+    """
+    one, one_layers = read(reference)
+    other, other_layers = read(picture)
+    result = compare(one, other, **options)
+    for name in sorted(one_layers.keys() | other_layers.keys()):
+        if name not in one_layers or name not in other_layers:
+            where = reference if name in one_layers else picture
+            result.reasons.append(f"only {os.fspath(where)} has the layer {name}")
+            continue
+        a, b = one_layers[name], other_layers[name]
+        unequal = int(np.count_nonzero(~((a == b) | (np.isnan(a) & np.isnan(b)))))
+        if unequal:
+            result.reasons.append(f"the layer {name} differs in {unequal} of {a.size} pixels")
+    return result
+
+
+def read(path: str | os.PathLike[str]) -> tuple[Image, dict[str, npt.NDArray[np.float32]]]:
+    """A picture, with its batches if it has any, and its other layers by name.
+
+    Without R, G, B what is called Y, or the first channel there is, stands for all three.
+    """
+    import OpenImageIO as oiio
+
+    file = oiio.ImageInput.open(os.fspath(path))
+    if file is None:
+        raise Error(f"cannot read {path}: {' '.join(oiio.geterror().split())}")
+    spec = file.spec()
+    names = list(spec.channelnames)
+    pixels = file.read_image(0, 0, 0, spec.nchannels, "float")
+    problem = " ".join(file.geterror().split())
+    file.close()
+    if pixels is None:
+        raise Error(f"cannot read {path}: {problem}")
+    layers = {name: pixels[..., i] for i, name in enumerate(names)}
+    if {"R", "G", "B"} <= set(names):
+        picture = image.read(path)
+        used = {"R", "G", "B", "A", image.ERROR_CHANNEL}
+        batches = references.read_batches(path, picture)
+        picture = picture if batches is None else batches
+    else:
+        grey = "Y" if "Y" in names else names[0]
+        alpha = layers.get("A", np.ones_like(layers[grey]))
+        picture = Image({"color": np.dstack([layers[grey]] * 3), "alpha": alpha})
+        used = {grey, "A"}
+    return picture, {name: layer for name, layer in layers.items() if name not in used}

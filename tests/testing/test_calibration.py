@@ -1,0 +1,38 @@
+"""False alarms of checks of real renders; `python -m support.calibration` prints the whole table."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from support.calibration import NAMES, SAMPLES, interval, p_values, pairs, resampled
+
+
+def require_uniform(p: np.ndarray) -> None:
+    """Kolmogorov-Smirnov at 1e-3; rates at 5 % and 1 % in 99.9 % intervals."""
+    assert stats.kstest(p, "uniform").pvalue > 1e-3
+    for rate in (0.05, 0.01):
+        low, high = interval(rate, len(p))
+        assert low <= np.mean(p <= rate) <= high
+
+
+@pytest.mark.parametrize("integrator", SAMPLES)
+def test_false_alarms_are_as_rare_as_stated(integrator: str) -> None:
+    require_uniform(p_values(pairs("cornell_box", integrator, 20)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator", SAMPLES)
+@pytest.mark.parametrize("name", NAMES)
+def test_false_alarms_over_a_thousand_pairs(name: str, integrator: str) -> None:
+    require_uniform(p_values(pairs(name, integrator, 1000)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator", SAMPLES)
+def test_the_default_significance_over_resampled_batches(integrator: str) -> None:
+    """1e5 pictures put together from 2 400 batches: at 1e-4 ten alarms, in the 99.9 % interval."""
+    p = resampled(pairs("cornell_box", integrator, 50), 100_000, cell=4)
+    low, high = stats.binom.interval(0.999, len(p), 1e-4)
+    assert low <= np.count_nonzero(p <= 1e-4) <= high

@@ -1,0 +1,184 @@
+"""`usdmlt compare`: what decides, and the exit status."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import usdmlt
+from usdmlt import image
+from usdmlt.errors import Error
+from usdmlt.image import Image
+from usdmlt.stage import load
+from usdmlt.testing import comparison, references
+from usdmlt.testing.batches import Batches, render_batches
+
+SCENE = Path(__file__).parents[2] / "scenes" / "cornell_box.usda"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """References a, b (other random numbers) and moved (the camera); pictures with error layers."""
+    folder = tmp_path_factory.mktemp("pictures")
+    scene = load(SCENE, width=64)
+    options = {"integrator": "path", "samples": 48}
+    references.write(folder / "a.exr", render_batches(scene, **options))
+    references.write(folder / "b.exr", render_batches(scene, stream=1, **options))
+    for seed in (1, 2):
+        usdmlt.render(scene, seed=seed, **options).write(folder / f"path{seed}.exr")
+        usdmlt.render(scene, seed=seed, integrator="mlt", samples=64).write(
+            folder / f"mlt{seed}.exr"
+        )
+    scene.camera.transform[3, 0] += 20
+    references.write(folder / "moved.exr", render_batches(scene, stream=2, **options))
+    usdmlt.render(scene, seed=3, **options).write(folder / "moved_path.exr")
+    return folder
+
+
+@pytest.fixture
+def compare(folder: Path) -> Callable[..., tuple[int, str]]:
+    """Run `usdmlt compare` there: exit status and output."""
+
+    def run(*arguments: str) -> tuple[int, str]:
+        command = [sys.executable, "-m", "usdmlt", "compare", *arguments]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+        assert "Traceback" not in done.stderr
+        return done.returncode, done.stdout + done.stderr
+
+    return run
+
+
+def test_a_file_is_the_same_as_itself(compare: Callable[..., tuple[int, str]]) -> None:
+    status, output = compare("a.exr", "a.exr")
+    assert status == 0 and "bit for bit" in output
+
+
+def test_other_random_numbers_are_no_difference(compare: Callable[..., tuple[int, str]]) -> None:
+    status, output = compare("a.exr", "b.exr")
+    assert status == 0
+    assert float(re.search(r"p = ([\d.e-]+)", output)[1]) > 1e-4
+    assert "smallest change that would have been seen" in output
+
+
+@pytest.mark.parametrize("pair", [("a.exr", "moved.exr"), ("path1.exr", "moved_path.exr")])
+def test_a_moved_camera_is_a_difference(
+    compare: Callable[..., tuple[int, str]], pair: tuple[str, str]
+) -> None:
+    status, output = compare(*pair)
+    assert status == 1 and output.startswith("different\n")
+
+
+@pytest.mark.parametrize(
+    "pair", [("path1.exr", "path2.exr"), ("path1.exr", "mlt1.exr"), ("mlt1.exr", "mlt2.exr")]
+)
+def test_error_layers_allow_for_noise(
+    compare: Callable[..., tuple[int, str]], pair: tuple[str, str]
+) -> None:
+    status, output = compare(*pair)
+    assert status == 0 and "approximate" in output
+
+
+def test_without_errors_values_have_to_agree(
+    compare: Callable[..., tuple[int, str]], folder: Path
+) -> None:
+    rgba = np.full((8, 9, 4), 0.5, np.float32)
+    Image.from_rgba(rgba).write(folder / "plain.exr")
+    rgba[0, 0, 0] += 0.01
+    Image.from_rgba(rgba).write(folder / "other.exr")
+    assert compare("plain.exr", "plain.exr")[0] == 0
+    status, output = compare("plain.exr", "other.exr")
+    assert status == 1 and "1 of 72 pixels differ by more than 1e-06" in output
+    assert compare("plain.exr", "other.exr", "--fail", "0.02")[0] == 0
+    assert compare("plain.exr", "other.exr", "--failpercent", "2")[0] == 0
+    assert compare("plain.exr", "other.exr", "--failpercent", "2", "--hardfail", "0.005")[0] == 1
+
+
+def test_what_cannot_be_compared_is_status_2(
+    compare: Callable[..., tuple[int, str]], folder: Path
+) -> None:
+    (folder / "broken.exr").write_bytes((folder / "a.exr").read_bytes()[:2000])
+    Image.from_rgba(np.ones((4, 4, 4), np.float32)).write(folder / "small.exr")
+    for other in ("missing.exr", "broken.exr", "small.exr"):
+        status, output = compare("a.exr", other)
+        assert status == 2 and output.startswith("usdmlt: error: ") and output.count("\n") == 1
+    assert "differ in size: 64x64 and 4x4" in output
+    assert compare("a.exr", "b.exr", "--significance", "2")[0] == 2
+    assert compare("a.exr", "b.exr", "--fail", "-1")[0] == 2
+
+
+def test_other_layers_have_to_be_the_same(tmp_path: Path) -> None:
+    def write(name: str, **layers: np.ndarray) -> Path:
+        rgb = {c: np.full((4, 5), 0.5, np.float32) for c in "RGB"}
+        image.write_parts(tmp_path / name, [image.Part(rgb | layers, {})])
+        return tmp_path / name
+
+    depth = np.arange(20, dtype=np.float32).reshape(4, 5)
+    depth[0, 0] = np.nan
+    one, same = write("one.exr", Z=depth), write("same.exr", Z=depth)
+    further = depth.copy()
+    further[3, 4] = np.nextafter(further[3, 4], np.inf)
+    assert not comparison.compare_files(one, same).different
+    other = write("other.exr", Z=further)
+    assert comparison.compare_files(one, other).reasons == ["the layer Z differs in 1 of 20 pixels"]
+    none = write("none.exr")
+    (reason,) = comparison.compare_files(one, none).reasons
+    assert reason.endswith("one.exr has the layer Z")
+
+
+def test_a_picture_without_colours_is_compared_too(tmp_path: Path) -> None:
+    for name, value in (("a.exr", 0.5), ("b.exr", 0.75)):
+        part = image.Part({"Y": np.full((4, 5), value, np.float32)}, {})
+        image.write_parts(tmp_path / name, [part])
+    assert not comparison.compare_files(tmp_path / "a.exr", tmp_path / "a.exr").different
+    result = comparison.compare_files(tmp_path / "a.exr", tmp_path / "b.exr")
+    assert result.different and result.metrics.difference.largest == 0.25
+
+
+def test_pixels_that_are_not_finite_are_a_difference() -> None:
+    a = Image.from_rgba(np.ones((4, 4, 4), np.float32))
+    rgba = np.ones((4, 4, 4), np.float32)
+    rgba[1, 2, 0] = np.nan
+    result = comparison.compare(a, Image.from_rgba(rgba))
+    assert "1 pixels are not finite" in result.reasons
+
+
+def test_flip_decides_where_it_is_asked_for(folder: Path) -> None:
+    pytest.importorskip("flip_evaluator")
+    result = comparison.compare_files(folder / "a.exr", folder / "b.exr", flip=1.0)
+    assert not result.different
+    result = comparison.compare_files(folder / "a.exr", folder / "b.exr", flip=0.001)
+    assert result.reasons[0].startswith("FLIP is ")
+
+
+def test_a_reference_comes_back_as_it_was_written(tmp_path: Path) -> None:
+    """Halves are exact to 2^-11, of cells whose means were taken in double."""
+    rng = np.random.default_rng(1)
+    pictures = (1e-6 * rng.random((24, 7, 10, 4))).astype(np.float32)
+    mean = pictures.mean(axis=0)
+    batches = Batches(
+        {"color": mean[..., :3], "alpha": mean[..., 3]},
+        pictures=pictures,
+        bits="abc",
+        made={"settings": {"samples": 3}, "stage_hash": "12"},
+    )
+    references.write(tmp_path / "a.exr", batches, cell=2)
+    back = references.read(tmp_path / "a.exr")
+    assert back.cell == 2 and back.bits == "abc" and back.made == batches.made
+    assert back.pictures.shape == (24, 4, 5, 4)
+    expected = pictures[:, 2:4, 4:6].mean(axis=(1, 2), dtype=np.float64)
+    assert np.allclose(back.pictures[:, 1, 2], expected, rtol=2**-11, atol=0)
+    assert np.allclose(back.pictures[:, 3, 4], pictures[:, 6, 8:].mean(axis=1), rtol=2**-10)
+    again = references.rounded(back.pictures, back.scale)
+    assert np.array_equal(again, back.pictures)
+
+
+def test_a_picture_without_batches_is_no_reference(tmp_path: Path) -> None:
+    Image.from_rgba(np.ones((4, 4, 4), np.float32)).write(tmp_path / "a.exr")
+    with pytest.raises(Error, match="has no batches"):
+        references.read(tmp_path / "a.exr")

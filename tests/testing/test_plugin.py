@@ -1,0 +1,216 @@
+"""The pytest plugin, in test runs of its own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import usdmlt.stage  # runs within this process import it anew otherwise
+import usdmlt.testing.checks
+
+SCENE = Path(__file__).parents[2] / "scenes" / "cornell_box.usda"
+
+TEST = f"""
+from pxr import Usd
+import usdmlt
+
+SCENE = {str(SCENE)!r}
+OPTIONS = dict(width=32, samples=24, integrator="path")
+
+def stage():
+    stage = Usd.Stage.Open(SCENE)
+    stage.SetEditTarget(stage.GetSessionLayer())
+    return stage
+"""
+
+
+@pytest.fixture
+def project(pytester: pytest.Pytester) -> pytest.Pytester:
+    """A folder with the plugin on, whether or not the package is installed."""
+    pytester.makeconftest('pytest_plugins = ["usdmlt.testing.plugin"]')
+    return pytester
+
+
+def write(project: pytest.Pytester, body: str) -> None:
+    project.makepyfile(test_picture=TEST + body)
+
+
+def run(project: pytest.Pytester, *arguments: str) -> pytest.RunResult:
+    return project.runpytest_inprocess("-p", "no:cacheprovider", *arguments)
+
+
+CHECK = """
+def test_box(assert_render):
+    assert_render(stage(), **OPTIONS)
+"""
+
+
+def test_a_missing_reference_fails_with_the_command_that_makes_it(
+    project: pytest.Pytester,
+) -> None:
+    write(project, CHECK)
+    result = run(project)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "there is no reference references/box.exr; make it, and look at it:",
+            "  pytest test_picture.py::test_box --usdmlt-update",
+        ]
+    )
+    assert not (project.path / "references").exists()
+
+
+def test_a_reference_that_was_made_is_met_bit_for_bit(project: pytest.Pytester) -> None:
+    write(project, CHECK.replace("**OPTIONS", "exact=True, **OPTIONS"))
+    run(project, "--usdmlt-update").assert_outcomes(passed=1)
+    reference = project.path / "references" / "box.exr"
+    made = reference.stat().st_mtime_ns
+    run(project).assert_outcomes(passed=1)
+    # What has not changed is not written again.
+    run(project, "--usdmlt-update").assert_outcomes(passed=1)
+    assert reference.stat().st_mtime_ns == made
+
+
+def test_a_changed_stage_fails_and_says_how_and_is_in_the_report(
+    project: pytest.Pytester,
+) -> None:
+    write(project, CHECK)
+    run(project, "--usdmlt-update").assert_outcomes(passed=1)
+    write(
+        project,
+        """
+def test_box(assert_render):
+    changed = stage()
+    light = next(p for p in changed.Traverse() if p.HasAttribute("inputs:intensity"))
+    light.GetAttribute("inputs:intensity").Set(1.05 * light.GetAttribute("inputs:intensity").Get())
+    assert_render(changed, **OPTIONS)
+
+def test_other(assert_render):
+    assert_render(stage(), "box", **OPTIONS)
+""",
+    )
+    result = run(project, "--usdmlt-report", "out")
+    result.assert_outcomes(failed=1, passed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "the picture is not that of references/box.exr",
+            "  brightness 1.0*",
+            "  the stage is not the one of the reference",
+            "  reproduce: pytest test_picture.py::test_box",
+            "  accept: pytest test_picture.py::test_box --usdmlt-update",
+            "usdmlt: report: out/index.html",
+        ]
+    )
+    page = (project.path / "out" / "index.html").read_text()
+    assert "test_picture.py::test_box" in page and "test_other" not in page
+    assert [p.name for p in (project.path / "out").iterdir()] == ["index.html"]
+
+
+def test_a_change_that_does_not_show_passes(project: pytest.Pytester) -> None:
+    """The bits differ, as a box far behind the camera takes other random numbers' places."""
+    write(project, CHECK)
+    run(project, "--usdmlt-update").assert_outcomes(passed=1)
+    write(
+        project,
+        """
+def test_box(assert_render, usd_render):
+    assert_render(usd_render(stage(), stream=1, **OPTIONS))
+
+def test_exact(assert_render, usd_render):
+    assert_render(usd_render(stage(), stream=1, **OPTIONS), "box", exact=True)
+""",
+    )
+    result = run(project)
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["*the bits differ, and exact=True asks for the same"])
+
+
+def test_a_check_that_is_too_noisy_asks_for_samples(project: pytest.Pytester) -> None:
+    write(project, CHECK)
+    run(project, "--usdmlt-update").assert_outcomes(passed=1)
+    write(
+        project,
+        """
+def test_box(assert_render, usd_render):
+    assert_render(usd_render(stage(), stream=1, **OPTIONS), detect=0.0005)
+""",
+    )
+    result = run(project)
+    result.assert_outcomes(failed=1)
+    result.stdout.re_match_lines([r"  too noisy to tell: .* about samples=\d+, instead of 24.*"])
+
+
+def test_a_size_that_changed_is_one_line(project: pytest.Pytester) -> None:
+    write(project, CHECK)
+    run(project, "--usdmlt-update").assert_outcomes(passed=1)
+    write(project, CHECK.replace("**OPTIONS", "width=40, samples=24"))
+    result = run(project)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*references/box.exr: the pictures differ in size: 32x* and 40x*"])
+
+
+def test_ini_options(project: pytest.Pytester) -> None:
+    project.makeini(
+        "[pytest]\nusdmlt_references = kept/pictures\nusdmlt_samples = 24\nusdmlt_cell = 4"
+    )
+    write(project, "def test_box(assert_render):\n    assert_render(stage(), width=48)\n")
+    run(project, "--usdmlt-update").assert_outcomes(passed=1)
+    from usdmlt.testing import references
+
+    reference = references.read(project.path / "kept" / "pictures" / "box.exr")
+    assert reference.cell == 4 and reference.made["settings"]["samples"] == 24
+    assert reference.made["options"] == {"width": 48}
+    assert len(reference.made["stage_hash"]) == 64
+    assert {"usdmlt", "build", "embree"} == reference.made["versions"].keys()
+    run(project).assert_outcomes(passed=1)
+
+
+def test_workers_share_the_processors_and_the_report(project: pytest.Pytester) -> None:
+    pytest.importorskip("xdist")
+    write(
+        project,
+        """
+from usdmlt.settings import available_processors
+
+def test_box(assert_render, usd_render):
+    picture = usd_render(stage(), width=24, samples=24)
+    assert picture.stats["settings"]["threads"] == max(available_processors() // 2, 1)
+    assert_render(picture)
+
+def test_two(assert_render):
+    assert_render(stage(), "two", width=24, samples=24)
+""",
+    )
+    run(project, "-n2", "--usdmlt-update").assert_outcomes(passed=2)
+    write(
+        project,
+        """
+def test_box(assert_render):
+    assert_render(stage(), width=24, depth=2)
+
+def test_two(assert_render):
+    assert_render(stage(), "two", width=24, depth=2)
+""",
+    )
+    run(project, "-n2", "--usdmlt-report", "out").assert_outcomes(failed=2)
+    page = (project.path / "out" / "index.html").read_text()
+    assert page.count("<section") == 2 and page.count("</html>") == 1
+
+
+@pytest.mark.parametrize("name", ["../away", "", "/tmp/away"])
+def test_names_stay_in_the_folder(project: pytest.Pytester, name: str) -> None:
+    write(project, f"def test_box(assert_render):\n    assert_render(stage(), {name!r})\n")
+    result = run(project)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines([f"*{name!r} is no name of a reference*"])
+
+
+def test_the_plugin_costs_nothing_until_it_is_used() -> None:
+    """Loading it imports neither NumPy, nor USD, nor the core."""
+    code = "import sys, usdmlt.testing.plugin; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = done.stdout.split()
+    assert not {"numpy", "pxr", "usdmlt._core", "usdmlt.rendering", "OpenImageIO"} & set(loaded)
