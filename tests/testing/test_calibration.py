@@ -1,4 +1,4 @@
-"""False alarms of checks of real renders; `python -m support.calibration` prints the whole table."""
+"""False alarms of checks of real renders; `python -m support.calibration` prints the table."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import usdmlt.stage  # runs within this process import it anew otherwise
-import usdmlt.testing.checks
+import usdmlt.testing.checks  # noqa: F401
 
 SCENE = Path(__file__).parents[2] / "scenes" / "cornell_box.usda"
 

@@ -14,7 +14,7 @@ from usdmlt.cli.logs import add_verbosity
 from usdmlt.settings import available_processors
 
 REQUIRED = ("numpy", "usd-core", "embreex", "OpenImageIO", "colour-science", "rich")
-OPTIONAL = ("pytest", "scipy", "mitsuba")
+OPTIONAL = ("pytest", "flip-evaluator", "scipy", "mitsuba")
 
 
 def add_parser(subparsers: Any) -> None:
