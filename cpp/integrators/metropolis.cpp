@@ -13,8 +13,9 @@ constexpr int steps_per_chain = 128;
 constexpr double direct_samples_per_mutation = 1.0 / 4;
 constexpr int direct_stratified_pairs = 11;
 
-// Shares of a unit's work: the mean of the picture hangs on the bootstrap, b.
-constexpr double bootstrap_share = 0.25, least_share_of_chains = 0.1;
+// Shares of a unit's work: the mean of the picture, and that of its larger parts, hangs on the
+// bootstrap, b.
+constexpr double bootstrap_share = 0.25, least_share_of_samples = 0.4, least_share_of_chains = 0.1;
 // Of chains, where units are shortened.
 constexpr double least_chains_kept = 0.25;
 // Time of a ray of bidirectional samples, many of which are shadow rays, in those of a mutation;
@@ -42,10 +43,7 @@ void run_chains(MetropolisScratch& scratch, int chains, int steps, uint64_t key)
     RandomStream offset(hash_key(key, 1));
     scratch.bootstrap.choose_starts(chains, offset.next_double(), scratch.starts);
     context.unit_key = hash_key(key, 2);
-    for (int c = 0, next; c < chains; c = next) {
-        // Of a heavy entry one long chain, which gets farther than many short ones.
-        next = c + 1;
-        while (next < chains && scratch.starts[size_t(next)] == scratch.starts[size_t(c)]) ++next;
+    for (int c = 0; c < chains; ++c) {
         const BootstrapEntry& start = scratch.bootstrap.entries()[scratch.starts[size_t(c)]];
         if (!scratch.bootstrap.restore(start, scratch.target, scratch.x,
                                        scratch.statistics.bootstrap))
@@ -53,8 +51,8 @@ void run_chains(MetropolisScratch& scratch, int chains, int steps, uint64_t key)
         context.random = RandomStream(hash_key(hash_key(key, 3), uint64_t(c)));
         context.chain = static_cast<uint32_t>(c);
         context.lens_proposals = 0;
-        run_chain(scratch.target, scratch.selection, scratch.x, scratch.y, (next - c) * steps,
-                  context.random, scratch.statistics.chains);
+        run_chain(scratch.target, scratch.selection, scratch.x, scratch.y, steps, context.random,
+                  scratch.statistics.chains);
         context.arena.give_all(scratch.x.path);
     }
     scratch.statistics.chains.finish();
@@ -164,7 +162,7 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
             const PilotNotes::Plan plan = notes.plan_split(b, picture, importance, sample_cost);
             split = plan.split;
             relative_error = plan.relative_error;
-            share = std::clamp(plan.share, bootstrap_share, 1 - least_share_of_chains);
+            share = std::clamp(plan.share, least_share_of_samples, 1 - least_share_of_chains);
         }
     }
     pixels.set_samples(work * share / sample_cost);
