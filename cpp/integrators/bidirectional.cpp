@@ -14,6 +14,7 @@ struct FilmSink {
     Spectrum sum;
     int x = 0, y = 0;  // of the splat
 
+    bool wants(int, int) const { return true; }
     bool place(Vec2f raster, Sampler& sampler) {
         Vec2f offset;
         if (filter.kind != PixelFilter::Kind::box) offset = filter.offset(sampler.next_2d());

@@ -75,16 +75,17 @@ struct EntrySink {
         splat = p;
         return domain.contains(p);
     }
+    bool wants(int, int) const { return true; }
     void add(const StrategySample& sample) {
         const bool splats = sample.t == 1;
         const Vec2f p = splats ? splat : raster;
-        const double f = target_of(sample.value) * importance.weight(p);
+        const double w = importance.weight(p), f = w * target_of(sample.value);
         if (!(f > 0) || !std::isfinite(f)) return;
         // Camera samples are one per pixel of the image, light subpaths one per sample, of which
         // some are of the margin.
         const double scale = splats ? domain.density_scale() : 1;
         // value = w f/(q p_{s,t}), q by roulette, which is no part of p, and w = p_{s,t}²/Σp².
-        const double of_chains = split.of_chains(sqr(f * survival(sample)) / sample.weight);
+        const double of_chains = split.of_chains(sqr(w * f * survival(sample)) / sample.weight);
         if (recorder) record(sample, sample.value * static_cast<float>((1 - of_chains) * scale));
         const double v = f * of_chains * scale;
         if (!(v > 0)) return;
@@ -116,8 +117,8 @@ struct PathSink {
         splat = p;
         return domain.contains(p);
     }
+    bool wants(int of_light, int of_camera) const { return of_light == s && of_camera == t; }
     void add(const StrategySample& sample) {
-        if (sample.s != s || sample.t != t) return;
         found = true;
         join_subpaths(sample.light, s, sample.camera, t, sample.edge, path);
         path.raster = t == 1 ? splat : raster;

@@ -8,7 +8,8 @@ bool PathTarget::evaluate(State& state, int first, int last) {
     const Contribution f = product_of_factors(state.path);
     double sum = 0;
     for (int c = 0; c < 3; ++c) sum += target_weights[c] * std::fabs(f.c[c]);
-    sum *= importance_.weight(state.path.raster);
+    const double w = importance_.weight(state.path.raster);
+    sum *= w;
     if (!std::isfinite(sum)) ++non_finite_;
     if (!(sum > 0) || !std::isfinite(sum)) return false;
     for (int c = 0; c < 3; ++c) state.color[c] = static_cast<float>(f.c[c] / sum);
@@ -16,8 +17,10 @@ bool PathTarget::evaluate(State& state, int first, int last) {
     state.target.exponent += f.exponent;
     if (split_.is_selective()) {
         update_densities(context_.scene, state.path, first, last);
-        state.target *= split_.of_chains(usdmlt::ratio(
-            state.target * state.target, squared_strategy_densities(state.path, context_.scratch)));
+        state.target *= split_.of_chains(
+            w * w *
+            usdmlt::ratio(state.target * state.target,
+                          squared_strategy_densities(state.path, context_.scratch)));
     }
     return true;
 }

@@ -87,7 +87,7 @@ PilotNotes::Plan PilotNotes::plan_split(double b, const CoarsePicture& finished,
         for (const Note& note : notes_) {
             const double r = sums[finished.cell(note.raster)] / mean;
             const double w = importance.weight(note.raster);
-            const double g = plan.split.of_chains(sqr(w) * note.r_squared);
+            const double g = plan.split.of_chains(sqr(w * w) * note.r_squared);
             const double worth = note.weight / (total * (r * r + 0.01));
             if (g < 1) camera += worth * sqr(1 - g) * std::sqrt(note.r_squared);
             all += worth * std::sqrt(note.r_squared);

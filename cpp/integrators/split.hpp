@@ -8,9 +8,11 @@
 
 namespace usdmlt {
 
-// With r = f*/p, p² = Σ_s p_s² (density under the power heuristic), the chains take
+// With r = w f*/p, p² = Σ_s p_s² (density under the power heuristic), the chains take
 //     g = c²r² / (1 + c²r²)
-// of a path, which leaves (1 − g) r < 1/c to bidirectional path tracing: no fireflies.
+// of a path, which leaves (1 − g) r < 1/c to bidirectional path tracing: no fireflies. As f* has
+// the importance w = (R² + ε)^−¼ once, r is a sample's brightness relative to its own place, about
+// f/(p R), by which errors are judged.
 struct Split {
     double c_squared = std::numeric_limits<double>::infinity();  // ∞: the chains take everything
 

@@ -4,6 +4,7 @@
 // What becomes of the contributions is the caller's: a sink provides
 //     bool place(raster, sampler)          t = 1 lands there: is it wanted? The sampler is the
 //                                          light subpath's
+//     bool wants(s, t)                     before what is dear: is this strategy needed?
 //     void add(const StrategySample&)      finite and not black
 #pragma once
 
@@ -82,7 +83,7 @@ private:
     // s = 0
     void hit_light(int t) {
         const SubpathVertex& z = camera_[t - 1];
-        if (!z.is_light || !recorded(t - 1)) return;
+        if (!z.is_light || !recorded(t - 1) || !sink_.wants(0, t)) return;
         if (t == 2 && z.infinite && !settings_.background) return;
         const Spectrum value = emitted_contribution(scene_, camera_, t);
         if (is_black(value)) return;
@@ -99,6 +100,7 @@ private:
         const SubpathVertex& z = camera_[t - 1];
         LightDensities densities;
         if (!sample_light(scene_, sampler, z, end_[0], densities.direct)) return;
+        if (!sink_.wants(1, t)) return;
         const SubpathVertex& previous = camera_[t - 2];
         const Spectrum value = join(scene_, end_[0], nullptr, z, &previous);
         if (is_black(value)) return;
@@ -111,7 +113,7 @@ private:
     }
 
     void connect(int s, int t) {
-        if (!recorded(s + t - 1)) return;
+        if (!recorded(s + t - 1) || !sink_.wants(s, t)) return;
         const SubpathVertex& x = light_[s - 1];
         const SubpathVertex& z = camera_[t - 1];
         if (!x.can_connect()) return;
@@ -135,7 +137,7 @@ private:
         Vec2f raster;
         Vec3f direction;
         if (!camera.project(x.position, lens, x.time, raster, direction)) return;
-        if (!sink_.place(raster, sampler)) return;
+        if (!sink_.place(raster, sampler) || !sink_.wants(s, 1)) return;
         camera_vertex(scene_, lens, x.time, end_[0]);
         end_[0].throughput = Spectrum(1.0f);
         const Spectrum value = join(scene_, x, &light_[s - 2], end_[0], nullptr);
