@@ -42,20 +42,17 @@ py::tuple triangulated(const Floats& points, const Indices& counts, const Indice
                           to_array<int32_t>(std::move(out.faces)));
 }
 
-py::object solid_triangles(const Floats& points, const Indices& triangles) {
-    const auto* p = reinterpret_cast<const Vec3f*>(points.data());
-    const int32_t* t = triangles.data();
-    const py::ssize_t count = triangles.size() / 3;
-    const auto solid = [&](py::ssize_t i) {
-        return is_solid(to_double(p[t[3 * i]]), to_double(p[t[3 * i + 1]]),
-                        to_double(p[t[3 * i + 2]]));
-    };
-    py::ssize_t first = 0;
-    while (first < count && solid(first)) ++first;
-    if (first == count) return py::none();
-    py::array_t<bool> keep(count);
-    for (py::ssize_t i = 0; i < count; ++i) keep.mutable_at(i) = i < first || solid(i);
-    return keep;
+py::object visible(const Floats& points, const Indices& counts, const Indices& indices,
+                   bool left_handed, const Flags& holes) {
+    const Polygons authored = polygons(points, counts, indices);
+    if (!authored.are_sound()) return py::none();
+    if (holes.size() != 0 && holes.size() != counts.size())
+        throw std::invalid_argument("holes must be (faces,), or empty");
+    VisibleTriangles out = visible_triangles(authored, left_handed, all_of(holes));
+    if (out.as_authored) return py::make_tuple(py::none(), py::none(), py::none(), 0);
+    return py::make_tuple(to_array<int32_t>(std::move(out.vertices)),
+                          to_array<int32_t>(std::move(out.triangulation.corners)),
+                          to_array<int32_t>(std::move(out.triangulation.faces)), out.flat);
 }
 
 // The faces of a cage: those of at least three sides, none of which runs from a vertex to itself.
@@ -252,18 +249,16 @@ void bind_cage(py::module_& module) {
 void bind_surfaces(py::module_& module) {
     py::module_ sub = module.def_submodule("surfaces", "Polygons and subdivision surfaces.");
     sub.attr("INFINITE") = infinite_sharpness;
-    sub.def(
-        "are_sound",
-        [](const Floats& points, const Indices& counts, const Indices& indices) {
-            return polygons(points, counts, indices).are_sound();
-        },
-        py::arg("points"), py::arg("counts"), py::arg("indices"),
-        "Whether all points are finite, counts add up and indices are in range.");
     sub.def("triangulate", &triangulated, py::arg("points"), py::arg("counts"), py::arg("indices"),
             "Polygons, points (n, 3), into triangles: their corners (m, 3), positions in indices, "
             "in the winding of the faces, and their faces (m,).");
-    sub.def("solid_triangles", &solid_triangles, py::arg("points"), py::arg("triangles"),
-            "Which of triangles (m, 3) have an area: (m,) bool, or None where all have.");
+    sub.def("visible_triangles", &visible, py::arg("points"), py::arg("counts"), py::arg("indices"),
+            py::arg("left_handed"), py::arg("holes"),
+            "The triangles of polygons that have an area and are in no hole (faces,), "
+            "counter-clockwise seen from outside: their points and corners (m, 3) and faces (m,), "
+            "each None where all faces are triangles and all of them are there; and how many have "
+            "no area. None for points that are not finite, counts that do not add up and indices "
+            "out of range.");
     sub.def("usable_faces", &usable_faces, py::arg("counts"), py::arg("indices"),
             "The faces of at least three sides, none of which runs from a vertex to itself: their "
             "corners, their numbers, and how many sides they have.");

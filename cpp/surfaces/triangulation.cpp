@@ -106,6 +106,13 @@ void clip_ears(std::span<const Vec3d> polygon, Emit emit) {
     emit(left[0], left[1], left[2]);
 }
 
+// Whether a triangle has an area.
+bool is_solid(Vec3d a, Vec3d b, Vec3d c) {
+    const Vec3d u = b - a, v = c - a, w = c - b, normal = usdmlt::cross(u, v);
+    const double longest = std::max({dot(u, u), dot(v, v), dot(w, w)});
+    return dot(normal, normal) > sqr(1e-12 * longest);
+}
+
 }  // namespace
 
 bool Polygons::are_sound() const {
@@ -153,10 +160,41 @@ Triangulation triangulate(const Polygons& polygons) {
     return out;
 }
 
-bool is_solid(Vec3d a, Vec3d b, Vec3d c) {
-    const Vec3d u = b - a, v = c - a, w = c - b, normal = cross(u, v);
-    const double longest = std::max({dot(u, u), dot(v, v), dot(w, w)});
-    return dot(normal, normal) > sqr(1e-12 * longest);
+VisibleTriangles visible_triangles(const Polygons& polygons, bool left_handed,
+                                   std::span<const bool> holes) {
+    const auto point = [&](uint32_t corner) {
+        return to_double(polygons.points[size_t(polygons.indices[corner])]);
+    };
+    VisibleTriangles out;
+    const bool triangles = std::all_of(polygons.counts.begin(), polygons.counts.end(),
+                                       [](int32_t count) { return count == 3; });
+    if (triangles && !left_handed && holes.empty()) {
+        out.as_authored = true;
+        for (uint32_t c = 0; c < polygons.indices.size() && out.as_authored; c += 3)
+            out.as_authored = is_solid(point(c), point(c + 1), point(c + 2));
+        if (out.as_authored) return out;
+    }
+    out.triangulation = triangulate(polygons);
+    auto& [corners, faces] = out.triangulation;
+    out.vertices.reserve(corners.size());
+    size_t kept = 0;
+    for (size_t i = 0; i < corners.size(); ++i) {
+        Triangle t = corners[i];
+        if (!holes.empty() && holes[size_t(faces[i])]) continue;
+        if (!is_solid(point(t.v[0]), point(t.v[1]), point(t.v[2]))) {
+            ++out.flat;
+            continue;
+        }
+        if (left_handed) std::swap(t.v[1], t.v[2]);
+        corners[kept] = t;
+        faces[kept++] = faces[i];
+        out.vertices.push_back({});
+        for (int j = 0; j < 3; ++j)
+            out.vertices.back().v[j] = static_cast<uint32_t>(polygons.indices[t.v[j]]);
+    }
+    corners.resize(kept);
+    faces.resize(kept);
+    return out;
 }
 
 }  // namespace usdmlt::surfaces

@@ -30,7 +30,16 @@ struct Triangulation {
 // Faces of fewer than three corners vanish. The polygons are sound.
 Triangulation triangulate(const Polygons& polygons);
 
-// Whether a triangle has an area: its height is above 1e-12 of its longest edge.
-bool is_solid(Vec3d a, Vec3d b, Vec3d c);
+// The triangles of polygons that can be seen: without those of no area, whose height is below 1e-12
+// of their longest edge, and without those of holes.
+struct VisibleTriangles {
+    Triangulation triangulation;
+    std::vector<Triangle> vertices;  // points of each triangle
+    size_t flat = 0;                 // triangles of no area
+    bool as_authored = false;        // all faces are triangles and there: the arrays are empty
+};
+// `left_handed`: faces are wound the other way round. `holes`: of each face; empty: there are none.
+VisibleTriangles visible_triangles(const Polygons& polygons, bool left_handed,
+                                   std::span<const bool> holes);
 
 }  // namespace usdmlt::surfaces

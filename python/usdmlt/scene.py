@@ -25,10 +25,13 @@ from usdmlt.inputs import PrimvarInput as PrimvarInput
 from usdmlt.inputs import Texture as Texture
 from usdmlt.inputs import TextureInput as TextureInput
 
+_IDENTITY = np.eye(4, dtype=np.float64)
+
 
 def identity() -> np.ndarray:
     """A new 4x4 identity matrix."""
-    return np.eye(4, dtype=np.float64)
+    copy: np.ndarray = _IDENTITY.copy()
+    return copy
 
 
 # ---------------------------------------------------------------------------------------------

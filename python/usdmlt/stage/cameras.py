@@ -10,6 +10,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Camera
+from usdmlt.stage.attributes import of_type
 from usdmlt.stage.motion import Shutter, every, fewest_steps
 from usdmlt.stage.numbers import finite_number
 from usdmlt.stage.render_settings import RenderSettings
@@ -48,8 +49,12 @@ def find_camera(
 
 def all_cameras(stage: Usd.Stage) -> list[UsdGeom.Camera]:
     """Every active camera of a stage."""
-    prims = stage.Traverse(Usd.TraverseInstanceProxies())
-    return [UsdGeom.Camera(prim) for prim in prims if prim.IsA(UsdGeom.Camera)]
+    inside = (prim for root in stage.GetPrototypes() for prim in Usd.PrimRange(root))
+    if any(of_type(inside, UsdGeom.Camera)):
+        prims = stage.Traverse(Usd.TraverseInstanceProxies())
+    else:
+        prims = stage.Traverse()
+    return [UsdGeom.Camera(prim) for prim in of_type(prims, UsdGeom.Camera)]
 
 
 def _named(stage: Usd.Stage, name: str) -> UsdGeom.Camera:

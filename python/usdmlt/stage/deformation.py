@@ -11,6 +11,7 @@ from pxr import Gf, Usd, UsdGeom
 from usdmlt.errors import Report
 from usdmlt.scene import Mesh, MeshStep, Primvar
 from usdmlt.stage import tessellated
+from usdmlt.stage.attributes import Attributes
 from usdmlt.stage.detail import SteadyDetail
 from usdmlt.stage.gprims import read_gprim
 from usdmlt.stage.motion import Shutter, every, fewest_steps, straight
@@ -168,7 +169,7 @@ class Deformation:
             detail.again()
             read = tessellated.READERS[placed.kind](prim, time, detail, Report())
         else:
-            read = read_gprim(prim, placed.kind, time, Report())
+            read = read_gprim(Attributes(prim, time), placed.kind, Report())
         if read is None or not np.array_equal(read[0].triangles, mesh.triangles):
             return None
         return replace(mesh, points=read[0].points, normals=read[0].normals)
@@ -191,7 +192,7 @@ class Deformation:
             )
         if mesh.normals is None:
             return replace(mesh, points=points)
-        authored = authored_normals(schema, topology, time, Report())
+        authored = authored_normals(Attributes(prim, time), topology, Report())
         normals = authored and normals_at_corners(*authored, topology, points)
         if normals is None:
             return None

@@ -21,7 +21,10 @@ def displaced(
     Every vertex moves as a whole, by the mean of what its corners say, so that seams of texture
     coordinates do not tear. Normals are made again, apart where they were apart.
     """
-    used = [i for i in np.unique(mesh.materials).tolist() if not is_zero(materials[i].displacement)]
+    indices = [mesh.materials]
+    if isinstance(mesh.materials, np.ndarray):
+        indices = np.unique(mesh.materials).tolist()
+    used = [i for i in indices if not is_zero(materials[i].displacement)]
     if not used:
         return mesh
     heights = np.zeros(mesh.triangles.shape)

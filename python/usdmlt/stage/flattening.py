@@ -58,7 +58,8 @@ def _add(
 ) -> None:
     if len(transforms) == 1:
         own = None if motion is None else motion[:, 0]
-        flat.meshes += [settled(mesh, transforms[0], own) for mesh in meshes]
+        place = None if np.array_equal(transforms[0], np.eye(4)) else transforms[0]
+        flat.meshes += [settled(mesh, place, own) for mesh in meshes]
     elif meshes and len(transforms):
         flat.instances += moving_instances(len(flat.prototypes), transforms, motion, name, report)
         flat.prototypes.append(Prototype([settled(mesh) for mesh in meshes], name=name))
@@ -68,10 +69,12 @@ def _by_values(
     group: Group, materials: Materials, report: Report
 ) -> list[tuple[list[Mesh], np.ndarray | slice]]:
     """The meshes of a group as they look in each of its placements, and in which ones so."""
+    if not group.placements.values:
+        return [(group.scene_meshes, slice(None))]
     read: set[str] = set()
     for mesh in group.scene_meshes:
         for index in np.unique(mesh.materials).tolist():
-            read |= materials.primvars(index)
+            read.update(materials.primvars(index))
     names = sorted(name for name in group.placements.values if name in read)
     if not names:
         return [(group.scene_meshes, slice(None))]

@@ -9,9 +9,11 @@ from pxr import Gf, Usd, UsdGeom
 
 from usdmlt.scene import Camera, Instances, Mesh, Prototype
 
+Bounds = tuple[np.ndarray, np.ndarray]  # the low and the high corner of a box
 
-def framing_camera(bounds: tuple[np.ndarray, np.ndarray], up_axis: str) -> Camera:
-    """A 50 mm camera that sees the whole of a box, ``bounds`` = (low, high) corners.
+
+def framing_camera(bounds: Bounds, up_axis: str) -> Camera:
+    """A 50 mm camera that sees the whole of a box.
 
     The box's side towards the camera fits the horizontal field of view: with r half the
     side's diagonal and d half the depth, the distance is r / tan(fov / 2) + d (UsdAppUtils'
@@ -49,9 +51,7 @@ def framing_camera(bounds: tuple[np.ndarray, np.ndarray], up_axis: str) -> Camer
     )
 
 
-def stage_bounds(
-    stage: Usd.Stage, time: Usd.TimeCode, purposes: tuple[str, ...]
-) -> tuple[np.ndarray, np.ndarray] | None:
+def stage_bounds(stage: Usd.Stage, time: Usd.TimeCode, purposes: tuple[str, ...]) -> Bounds | None:
     """The world box of a stage from its extents and extent hints; None if it is empty or broken."""
     cache = UsdGeom.BBoxCache(time, list(purposes), useExtentsHint=True)
     box = cache.ComputeWorldBound(stage.GetPseudoRoot()).ComputeAlignedRange()
@@ -64,7 +64,7 @@ def stage_bounds(
 
 def scene_bounds(
     meshes: list[Mesh], prototypes: list[Prototype], instances: list[Instances]
-) -> tuple[np.ndarray, np.ndarray] | None:
+) -> Bounds | None:
     """The world box of what is rendered; None if there is nothing."""
     corners = [_box_corners(mesh) @ mesh.transform for mesh in meshes]
     for placed in instances:

@@ -7,17 +7,17 @@ from pxr import Usd, UsdGeom, UsdShade
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Mesh
-from usdmlt.stage import tessellated
+from usdmlt.stage import gprims, tessellated
+from usdmlt.stage.attributes import Attributes
 from usdmlt.stage.color import ColorSpaces
 from usdmlt.stage.deformation import Deformation
 from usdmlt.stage.detail import Detail, SteadyDetail
 from usdmlt.stage.displacement import displaced
 from usdmlt.stage.draw_modes import STAND_IN, StandIns
-from usdmlt.stage.gprims import read_gprim
 from usdmlt.stage.materials import Materials, bound_materials
 from usdmlt.stage.meshes import face_materials, read_mesh
 from usdmlt.stage.motion import Shutter, carried
-from usdmlt.stage.primvars import Spreads, as_floats, read_primvars
+from usdmlt.stage.primvars import Primvars, Spreads, as_floats
 from usdmlt.stage.skinning import Skin, Skinning
 from usdmlt.stage.transforms import singular
 from usdmlt.stage.traversal import Group, Placed
@@ -39,52 +39,67 @@ class GeometryReader:
         report: Report,
     ):
         self.time = time
-        self.colors = colors
         self.materials = materials
         self.material_purpose = material_purpose
         self.skinning = skinning
         self.stand_ins = stand_ins
         self.detail = detail
         self.report = report
+        self.primvars = Primvars(time, colors, report)
         self.deformation = Deformation(shutter, skinning, report)
         self._xforms = UsdGeom.XformCache(time)
 
     def read(self, group: Group) -> list[Mesh]:
         """The meshes of a group, placed in its space."""
+        if not group.gprims:
+            return []
         prims = [placed.prim for placed in group.gprims]
         bound = bound_materials(prims, self.material_purpose, self.report)
+        transforms = np.array([np.array(placed.transform) for placed in group.gprims])
+        flat = singular(transforms)
         meshes = []
-        for placed, material in zip(group.gprims, bound, strict=True):
-            mesh = self._read_one(group, placed, material)
+        for i, placed in enumerate(group.gprims):
+            mesh = self._read_one(group, placed, transforms[i], flat[i], bound[i])
             if mesh is not None:
                 meshes.append(mesh)
         return meshes
 
     def _read_one(
-        self, group: Group, placed: Placed, material: UsdShade.Material | None
+        self,
+        group: Group,
+        placed: Placed,
+        transform: np.ndarray,
+        is_singular: bool,
+        material: UsdShade.Material | None,
     ) -> Mesh | None:
+        """``transform`` (4, 4): of the prim in its group."""
         prim, skin = placed.prim, None
-        detail = self.detail.placed(placed.matrix, group.placements.transforms)
+        attributes = Attributes(prim, self.time, placed.names)
+        detail = self.detail.placed(transform, group.placements.transforms)
         if self.deformation.shutter.opens:
             detail = SteadyDetail(**vars(detail))
         if placed.kind == STAND_IN:
-            return self._stand_in(placed, detail)
-        if placed.kind in tessellated.READERS:
+            read = self.stand_ins.read(prim, detail)
+        elif placed.kind in tessellated.READERS:
             read = tessellated.READERS[placed.kind](prim, self.time, detail, self.report)
-        elif placed.kind == "Mesh" or prim.IsA(UsdGeom.Mesh):
-            read, skin = self._read_polygons(prim, detail)
+        elif placed.kind in gprims.READERS or placed.kind == gprims.POINT_SPHERE:
+            read = gprims.read_gprim(attributes, placed.kind, self.report)
         else:
-            read = read_gprim(prim, placed.kind, self.time, self.report)
+            read, skin = self._read_polygons(attributes, detail)
         if read is None:
             return None
-        mesh, topology = read
-        mesh.transform = placed.matrix
         if skin is not None:
             to_world = self._xforms.GetLocalToWorldTransform(skin.skeleton)
-            mesh.transform = np.array(to_world * group.from_world, dtype=np.float64)
-        if singular(mesh.transform):
+            transform = np.array(to_world * group.from_world, dtype=np.float64)
+            is_singular = singular(transform)
+        if is_singular:
             raise Error(f"{prim.GetPath()}: the transform is singular")
-        self._assign_materials(prim, mesh, topology, material)
+        if placed.kind == STAND_IN:
+            read.transform = transform
+            return read if placed.motion is None else carried(read, placed.motion)
+        mesh, topology = read
+        mesh.transform = transform
+        self._assign_materials(attributes, mesh, topology, material)
         textures = self.materials.networks.textures.textures
 
         def displace(shape: Mesh) -> Mesh:
@@ -94,69 +109,62 @@ class GeometryReader:
             return displace(mesh)
         return self.deformation.moving(group, placed, mesh, topology, skin, detail, displace)
 
-    def _stand_in(self, placed: Placed, detail: Detail) -> Mesh | None:
-        mesh = self.stand_ins.read(placed.prim, detail)
-        if mesh is not None:
-            mesh.transform = placed.matrix
-            if singular(mesh.transform):
-                raise Error(f"{placed.prim.GetPath()}: the transform is singular")
-            if placed.motion is not None:
-                mesh = carried(mesh, placed.motion)
-        return mesh
-
     def _read_polygons(
-        self, prim: Usd.Prim, detail: Detail
+        self, prim: Attributes, detail: Detail
     ) -> tuple[tuple[Mesh, Spreads] | None, Skin | None]:
-        value = UsdGeom.Mesh(prim).GetPointsAttr().Get(self.time)
-        points = as_floats(value) if np.ndim(value) == 2 else None
+        value = prim["points"]
+        points = None if value is None else as_floats(value)
         if points is None or points.shape[1] != 3:
-            self.report.note("meshes without points", prim.GetPath())
+            self.report.note("meshes without points", prim.prim.GetPath())
             return None, None
-        points, skin = self.skinning.skin(prim, points)
-        read = read_mesh(prim, points, self.time, detail, self.report)
+        points, skin = self.skinning.skin(prim.prim, points)
+        read = read_mesh(prim, points, detail, self.report)
         if read is not None and skin is not None and read[0].normals is not None:
-            self._skin_normals(prim, *read, skin)
+            mesh, topology = read
+            # Authored normals follow the joints; subdivision surfaces are made of skinned points.
+            if prim["subdivisionScheme"] == UsdGeom.Tokens.none:
+                mesh.normals = skin.primvar(mesh.normals, topology)
         return read, skin
-
-    def _skin_normals(self, prim: Usd.Prim, mesh: Mesh, topology: Spreads, skin: Skin) -> None:
-        """Authored normals follow the joints; subdivision surfaces are made of skinned points."""
-        scheme = UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get(self.time)
-        if scheme != UsdGeom.Tokens.none:
-            return
-        mesh.normals = skin.primvar(mesh.normals, topology)
 
     def _assign_materials(
         self,
-        prim: Usd.Prim,
+        prim: Attributes,
         mesh: Mesh,
         topology: Spreads,
         material: UsdShade.Material | None,
     ) -> None:
         default = self._material(prim, material)
         subsets = []
-        if prim.GetChildrenNames():
+        if prim.prim.GetChildrenNames():
             subsets = self._subsets(prim, default)
         mesh.materials = face_materials(topology, default, subsets)
-        used = np.unique(mesh.materials).tolist()
-        names = set().union(*(self.materials.primvars(index) for index in used))
-        primvars = read_primvars(prim, names, topology, self.time, self.colors, self.report)
+        names = self.materials.primvars_of(mesh)
+        primvars = self.primvars.read(prim, names, topology)
         mesh.primvars = {
             name: primvars.get(name, mesh.primvars.get(name))
-            for name in sorted(names)
+            for name in names
             if name in primvars or name in mesh.primvars
         }
 
-    def _material(self, prim: Usd.Prim, material: UsdShade.Material | None) -> int:
+    def _material(self, prim: Attributes, material: UsdShade.Material | None) -> int:
         index = None if material is None else self.materials.index(material)
         if index is None:
-            opacity = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayOpacity")
-            values = opacity.Get(self.time) if opacity else None
-            index = self.materials.fallback(values is not None and bool(np.any(np.less(values, 1))))
+            index = self.materials.fallback(self._shows_through(prim))
         return index
 
-    def _subsets(self, prim: Usd.Prim, default: int) -> list[tuple[Usd.Prim, np.ndarray, int]]:
+    def _shows_through(self, prim: Attributes) -> bool:
+        """Whether some displayOpacity is below 1."""
+        own = self.primvars.own(prim, "displayOpacity")
+        if own is not None:
+            values = own.Get(self.time)
+        else:
+            inherited = self.primvars.inherited(prim.prim.GetParent(), "displayOpacity")
+            values = inherited and inherited[1]
+        return values is not None and bool(np.any(np.less(values, 1)))
+
+    def _subsets(self, prim: Attributes, default: int) -> list[tuple[Usd.Prim, np.ndarray, int]]:
         """The face subsets that bind materials: prim, faces and material."""
-        subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
+        subsets = UsdShade.MaterialBindingAPI(prim.prim).GetMaterialBindSubsets()
         prims = [subset.GetPrim() for subset in subsets]
         found = []
         bound = bound_materials(prims, self.material_purpose, self.report)

@@ -16,6 +16,7 @@ from pxr import Usd, UsdGeom
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Mesh, Primvar
+from usdmlt.stage.attributes import Attributes
 from usdmlt.stage.numbers import finite_number
 from usdmlt.stage.primvars import Topology
 
@@ -203,10 +204,10 @@ def plane(width: float, length: float, axis: str) -> Shape:
 # Reading
 
 
-def _get(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> float:
-    value = finite_number(prim, name, prim.GetAttribute(name).Get(time))
+def _length(shape: Attributes, name: str) -> float:
+    value = finite_number(shape.prim, name, shape[name])
     if value < 0:
-        raise Error(f"{prim.GetPath()}: {name} is {value:g}; it must be a positive length")
+        raise Error(f"{shape.prim.GetPath()}: {name} is {value:g}; it must be a positive length")
     return value
 
 
@@ -244,25 +245,22 @@ READERS: dict[str, Callable[[Size, str], Shape]] = {
 POINT_SPHERE = "sphere of a point"  # a kind of its own: the unit sphere
 
 
-def read_gprim(
-    prim: Usd.Prim, kind: str, time: Usd.TimeCode, report: Report
-) -> tuple[Mesh, Topology] | None:
+def read_gprim(attributes: Attributes, kind: str, report: Report) -> tuple[Mesh, Topology] | None:
     """The mesh of an analytic gprim, with ``st``; None, with a note, if it has no size."""
-    attribute = prim.GetAttribute("axis")
-    axis = str(attribute.Get(time)) if attribute else "Z"
+    prim = attributes.prim
+    axis = str(attributes["axis"] or "Z")
     if axis not in ("X", "Y", "Z"):
         raise Error(f"{prim.GetPath()}: axis is '{axis}'; it must be X, Y or Z")
     if kind == POINT_SPHERE:
         return _mesh(prim, sphere(1.0), left_handed=False)
     with np.errstate(divide="ignore", invalid="ignore"):
-        shape = READERS[kind](lambda name: _get(prim, name, time), axis)
+        shape = READERS[kind](lambda name: _length(attributes, name), axis)
     if not np.isfinite(shape.points).all() or not np.isfinite(shape.normals).all():
         return _nothing(prim, report)
     extent = np.ptp(shape.points, axis=0)
     if np.count_nonzero(extent) < (2 if kind == "Plane" else 3):
         return _nothing(prim, report)
-    orientation = UsdGeom.Gprim(prim).GetOrientationAttr().Get(time)
-    return _mesh(prim, shape, orientation == UsdGeom.Tokens.leftHanded)
+    return _mesh(prim, shape, attributes["orientation"] == UsdGeom.Tokens.leftHanded)
 
 
 def _mesh(prim: Usd.Prim, shape: Shape, left_handed: bool) -> tuple[Mesh, Topology]:
@@ -277,8 +275,7 @@ def _mesh(prim: Usd.Prim, shape: Shape, left_handed: bool) -> tuple[Mesh, Topolo
         name=str(prim.GetPath()),
     )
     # What primvars other than constant ones mean on these shapes is not defined; none will fit.
-    nowhere = np.zeros(len(triangles), dtype=np.int32)
-    return mesh, Topology(-1, -1, -1, mesh.triangles, nowhere, mesh.triangles)
+    return mesh, Topology(-1, -1, -1, mesh.triangles)
 
 
 def _nothing(prim: Usd.Prim, report: Report) -> None:

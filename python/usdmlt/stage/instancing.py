@@ -33,6 +33,7 @@ from usdmlt.stage.traversal import (
 )
 
 BINDING = "material:binding"
+INHERITED = (BINDING, "primvars:")
 
 
 class Instancing:
@@ -76,18 +77,16 @@ class Instancing:
     # -- native instances
 
     def _resolve_instances(self, group: Group) -> None:
-        prims = [placed.prim for placed in group.instances]
-        if not prims:
-            return
-        bound = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, self.material_purpose)
         placements: dict[Hashable, list[Placed]] = {}
-        for placed, material, relationship in zip(group.instances, *bound, strict=True):
-            key = self._key(placed, material, relationship)
+        for placed, inherited in zip(
+            group.instances, self._inherited(group.instances), strict=True
+        ):
+            key = (placed.prim.GetPrototype(), placed.purpose, inherited)
             if self.links:
                 key = (key, group.drawn_by, self.links.seen_inside(placed.prim, group.drawn_by))
             placements.setdefault(key, []).append(placed)
         for key, instances in placements.items():
-            transforms = np.array([placed.matrix for placed in instances])
+            transforms = np.array([np.array(placed.transform) for placed in instances])
             for index in np.flatnonzero(singular(transforms)):
                 raise Error(f"{instances[index].prim.GetPath()}: the transform is singular")
             if key not in self._by_key:
@@ -106,17 +105,33 @@ class Instancing:
         self.groups.append(group)
         return group
 
-    def _key(self, placed: Placed, material: UsdShade.Material, relationship) -> Hashable:
-        """What instances have in common that look the same."""
-        prim = placed.prim
+    def _inherited(self, instances: list[Placed]) -> list[Hashable]:
+        """Of each instance, what those have in common that look the same: the material they are
+        bound to, how strongly, and primvars. What an instance says nothing of itself is its
+        parent's, and found once for all that are below it."""
+        where = [self._speaker(placed) for placed in instances]
+        distinct = list(dict.fromkeys(where))
+        bound = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(distinct, self.material_purpose)
+        keys = {
+            prim: self._key(prim, material, relationship)
+            for prim, material, relationship in zip(distinct, *bound, strict=True)
+        }
+        return [keys[prim] for prim in where]
+
+    def _speaker(self, placed: Placed) -> Usd.Prim:
+        """The prim that has what an instance inherits: itself, or its parent."""
+        prim, parent = placed.prim, placed.prim.GetParent()
+        if placed.names is None or any(name.startswith(INHERITED) for name in placed.names):
+            return prim
+        return prim if parent.IsPseudoRoot() or self._has_collection_bindings(parent) else parent
+
+    def _key(self, prim: Usd.Prim, material: UsdShade.Material, relationship) -> Hashable:
         strength = None
         if relationship:
             strength = str(UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(relationship))
         key = (
-            str(prim.GetPrototype().GetPath()),
             str(material.GetPath()) if material else "",
             strength,
-            placed.purpose,
             self._inherited_primvars(prim),
         )
         if not self._has_collection_bindings(prim):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,7 +20,7 @@ from usdmlt.stage.data_window import data_window, windowed
 from usdmlt.stage.detail import Detail
 from usdmlt.stage.draw_modes import StandIns
 from usdmlt.stage.flattening import flatten
-from usdmlt.stage.framing import framing_camera, scene_bounds, stage_bounds
+from usdmlt.stage.framing import Bounds, framing_camera, scene_bounds, stage_bounds
 from usdmlt.stage.geometry import GeometryReader
 from usdmlt.stage.instancing import collect_groups
 from usdmlt.stage.lights import LightReader, default_dome
@@ -36,6 +38,7 @@ from usdmlt.stage.textures import Textures
 from usdmlt.stage.traversal import Traversal
 
 PURPOSES = ("default", "render")
+UNIT_BOX = (np.full(3, -0.5), np.full(3, 0.5))  # framed where there is nothing
 
 
 def load(stage: Usd.Stage | str | os.PathLike[str], **options: Any) -> Scene:
@@ -102,11 +105,12 @@ def read_stage(
         found, reason = find_camera(opened, options.camera, settings, report)
         shutter = read_shutter(found, time, settings.motion_blur, report)
         lens = None if found is None else read_camera(found, time, report, settings, shutter)
+        bounds = cache(lambda: stage_bounds(opened, time, shown))
         scene = _read_content(
-            opened, time, shown, options, settings, lens, colors, skinning, shutter, report
+            opened, time, shown, options, settings, lens, bounds, colors, skinning, shutter, report
         )
         limit_textures(scene.textures, options.texture_memory, report)
-        scene.camera = lens or _frame_everything(opened, time, shown, scene, skinning)
+        scene.camera = lens or _frame_everything(opened, bounds, scene, skinning)
         _fit_picture(scene, options, settings)
         scene.settings = settings.usdmlt
         scene.metadata |= _metadata(opened, time, settings, shown)
@@ -142,18 +146,20 @@ def _read_content(
     options: LoadOptions,
     settings: RenderSettings,
     camera: Camera | None,
+    bounds: Callable[[], Bounds | None],
     colors: ColorSpaces,
     skinning: Skinning,
     shutter: Shutter,
     report: Report,
 ) -> Scene:
-    """Geometry, materials, textures and lights; ``camera`` None: the one that frames them all."""
+    """Geometry, materials, textures and lights; ``camera`` None: the one that frames them all, that
+    is, the authored ``bounds``."""
     textures = Textures(time, colors, report)
     materials = Materials(Networks(time, colors, textures, report), report)
     visibility = PassVisibility(settings.render_pass, report)
     traversal = Traversal(time, purposes, skinning, report, options.draw_modes, visibility, shutter)
     groups, links = collect_groups(stage, traversal, colors, settings.material_purpose, report)
-    detail = _detail(stage, time, purposes, options, settings, camera)
+    detail = _detail(stage, bounds, options, settings, camera)
     stand_ins = StandIns(time, purposes, colors, materials, report)
     geometry = GeometryReader(
         time,
@@ -200,8 +206,7 @@ def _read_content(
 
 def _detail(
     stage: Usd.Stage,
-    time: Usd.TimeCode,
-    purposes: tuple[str, ...],
+    bounds: Callable[[], Bounds | None],
     options: LoadOptions,
     settings: RenderSettings,
     camera: Camera | None,
@@ -209,29 +214,23 @@ def _detail(
     """How fine curved surfaces have to be. Without a camera it is the one that frames the authored
     bounds, which USD computes safely only once the instancers are known to be sound."""
     if camera is None:
-        bounds = stage_bounds(stage, time, purposes)
-        if bounds is None:
-            bounds = (np.full(3, -0.5), np.full(3, 0.5))
-        camera = framing_camera(bounds, str(UsdGeom.GetStageUpAxis(stage)))
+        camera = framing_camera(bounds() or UNIT_BOX, str(UsdGeom.GetStageUpAxis(stage)))
     width, height = resolve_size(camera, settings, options.width, options.height)
     return Detail.of(options.complexity, conformed(camera, settings, width, height), width)
 
 
 def _frame_everything(
     stage: Usd.Stage,
-    time: Usd.TimeCode,
-    purposes: tuple[str, ...],
+    bounds: Callable[[], Bounds | None],
     scene: Scene,
     skinning: Skinning,
 ) -> Camera:
     """The camera of a stage without one: frames the authored bounds, or, where they are empty or
     wrong, what was read. Skinned meshes are where they were read: USD bounds their joints only."""
-    bounds = None if skinning.has_skins else stage_bounds(stage, time, purposes)
-    if bounds is None:
-        bounds = scene_bounds(scene.meshes, scene.prototypes, scene.instances)
-    if bounds is None:
-        bounds = (np.full(3, -0.5), np.full(3, 0.5))
-    return framing_camera(bounds, str(UsdGeom.GetStageUpAxis(stage)))
+    box = None if skinning.has_skins else bounds()
+    if box is None:
+        box = scene_bounds(scene.meshes, scene.prototypes, scene.instances)
+    return framing_camera(box or UNIT_BOX, str(UsdGeom.GetStageUpAxis(stage)))
 
 
 def _metadata(

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 
-from pxr import Sdf, Usd, UsdShade
+import numpy as np
+from pxr import Usd, UsdShade
 
 from usdmlt.errors import Report
 from usdmlt.scene import (
@@ -14,6 +15,7 @@ from usdmlt.scene import (
     Diffuse,
     Layer,
     Material,
+    Mesh,
     Mix,
     Multiply,
     Node,
@@ -57,20 +59,21 @@ class Materials:
         self.networks = networks
         self.report = report
         self.materials: list[Material] = []
-        self._indices: dict[Sdf.Path, int | None] = {}
+        self._indices: dict[Usd.Prim, int | None] = {}
         self._fallbacks: dict[bool, int] = {}
-        self._primvars: dict[int, set[str]] = {}
+        self._primvars: dict[int, list[str]] = {}
 
     def index(self, material: UsdShade.Material) -> int | None:
         """The index of a material; None, with a warning, if it has no surface to render."""
         prim = material.GetPrim()
-        if prim.IsInstanceProxy():  # the same for all instances of a prototype
-            prim = prim.GetPrimInPrototype()
-        path = prim.GetPath()
-        if path not in self._indices:
-            read = self._read(material)
-            self._indices[path] = None if read is None else self._append(read)
-        return self._indices[path]
+        if prim not in self._indices:
+            # Materials inside of instances are the same for all of their prototype.
+            shared = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+            if shared not in self._indices:
+                read = self._read(material)
+                self._indices[shared] = None if read is None else self._append(read)
+            self._indices[prim] = self._indices[shared]
+        return self._indices[prim]
 
     def fallback(self, with_opacity: bool) -> int:
         """The material of meshes that have none: diffuse, displayColor and displayOpacity."""
@@ -83,11 +86,18 @@ class Materials:
             self._fallbacks[with_opacity] = self._append(material)
         return self._fallbacks[with_opacity]
 
-    def primvars(self, index: int) -> set[str]:
-        """The primvars that a material reads."""
+    def primvars(self, index: int) -> list[str]:
+        """The primvars that a material reads, in order."""
         if index not in self._primvars:
-            self._primvars[index] = {name for name in _primvar_names(self.materials[index]) if name}
+            names = {name for name in _primvar_names(self.materials[index]) if name}
+            self._primvars[index] = sorted(names)
         return self._primvars[index]
+
+    def primvars_of(self, mesh: Mesh) -> list[str]:
+        """The primvars that the materials of a mesh read, in order."""
+        if not isinstance(mesh.materials, np.ndarray):
+            return self.primvars(mesh.materials)
+        return sorted(set().union(*map(self.primvars, np.unique(mesh.materials).tolist())))
 
     def add(self, material: Material) -> int:
         """The index of a material that no prim has."""

@@ -225,6 +225,6 @@ def follow_no_circle(attribute: Usd.Attribute) -> None:
 
 def is_zero(value: Input) -> bool:
     """Whether an input is the constant 0, or black."""
-    if isinstance(value, INPUT_NODES):
-        return False
-    return not np.any(np.asarray(value))
+    if isinstance(value, (int, float)):
+        return value == 0
+    return not isinstance(value, INPUT_NODES) and not np.any(np.asarray(value))

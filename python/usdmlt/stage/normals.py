@@ -3,32 +3,34 @@
 from __future__ import annotations
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import UsdGeom
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Primvar
+from usdmlt.stage.attributes import Attributes
 from usdmlt.stage.primvars import Topology
 from usdmlt.stage.vectors import cross
 
 
 def authored_normals(
-    mesh: UsdGeom.PointBased, topology: Topology, time: Usd.TimeCode, report: Report
+    mesh: Attributes, topology: Topology, report: Report
 ) -> tuple[np.ndarray, np.ndarray | None, str] | None:
     """Values (count, 3), indices and interpolation; ``primvars:normals`` wins over ``normals``.
 
     None if there are none, or, with a warning, if their number does not fit the mesh.
     """
-    primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("normals")
+    if mesh.names.isdisjoint(("normals", "primvars:normals")):
+        return None
     indices = None
+    primvar = UsdGeom.Primvar(mesh.prim.GetAttribute("primvars:normals"))
     if primvar and primvar.HasAuthoredValue():
-        path, value = primvar.GetAttr().GetPath(), primvar.Get(time)
+        path, value = primvar.GetAttr().GetPath(), primvar.Get(mesh.time)
         interpolation = primvar.GetInterpolation()
         if primvar.IsIndexed():
-            indices = np.asarray(primvar.GetIndices(time))
+            indices = np.asarray(primvar.GetIndices(mesh.time))
     else:
-        attribute = mesh.GetNormalsAttr()
-        path, value = attribute.GetPath(), attribute.Get(time)
-        interpolation = mesh.GetNormalsInterpolation()
+        path, value = mesh.prim.GetPath().AppendProperty("normals"), mesh["normals"]
+        interpolation = UsdGeom.PointBased(mesh.prim).GetNormalsInterpolation() if value else ""
     if not value:
         return None
 

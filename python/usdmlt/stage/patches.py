@@ -9,6 +9,7 @@ from pxr import Usd, UsdGeom
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Mesh, Primvar
+from usdmlt.stage.attributes import Attributes
 from usdmlt.stage.curves import check_knots, read_points, read_weights
 from usdmlt.stage.detail import Detail
 from usdmlt.stage.normals import authored_normals, normals_at_corners
@@ -157,9 +158,8 @@ def read_tet_mesh(
     if tets.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
         triangles = np.ascontiguousarray(triangles[:, (0, 2, 1)])
     # Values per tetrahedron or corner do not reach its surface: none will fit.
-    nowhere = np.zeros(len(triangles), dtype=np.int32)
-    topology = Topology(len(points), -1, -1, triangles, nowhere, triangles)
-    authored = authored_normals(tets, topology, time, report)
+    topology = Topology(len(points), -1, -1, triangles)
+    authored = authored_normals(Attributes(prim, time), topology, report)
     normals = authored and normals_at_corners(*authored, topology, points)
     return Mesh(points, triangles, normals, name=str(path)), topology
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -10,25 +12,44 @@ from pxr import Usd, UsdGeom
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Primvar
+from usdmlt.stage.attributes import Attributes
 from usdmlt.stage.color import ColorSpaces
 
 COLOR_ROLE = "Color"
 
 
-@dataclass
 class Topology:
     """How the triangles of a mesh relate to what was authored.
 
-    ``corners`` (m, 3): face corners of each triangle, in the winding of the scene description;
-    ``faces`` (m,): the authored face of each triangle; ``vertices`` (m, 3): its points.
+    ``vertices`` (m, 3): the points of each triangle; ``corners`` (m, 3): its face corners, in the
+    winding of the scene description; ``faces`` (m,): its authored face. None: all faces are
+    triangles and all of them are there.
     """
 
-    point_count: int
-    face_count: int
-    corner_count: int
-    corners: np.ndarray
-    faces: np.ndarray
-    vertices: np.ndarray
+    def __init__(
+        self,
+        point_count: int,
+        face_count: int,
+        corner_count: int,
+        vertices: np.ndarray,
+        corners: np.ndarray | None = None,
+        faces: np.ndarray | None = None,
+    ):
+        self.point_count, self.face_count = point_count, face_count
+        self.corner_count = corner_count
+        self.vertices = vertices
+        if corners is not None:
+            self.corners = corners
+        if faces is not None:
+            self.faces = faces
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        return np.arange(self.vertices.size, dtype=np.int32).reshape(-1, 3)
+
+    @cached_property
+    def faces(self) -> np.ndarray:
+        return np.arange(len(self.vertices), dtype=np.int32)
 
     def elements(self, interpolation: str) -> tuple[int, np.ndarray]:
         """How many values an interpolation takes, and which of them each triangle corner has."""
@@ -52,17 +73,6 @@ class Topology:
         if indices is not None:
             return Primvar(values, indices.astype(np.int32, copy=False)[elements])
         return Primvar(values, None if elements is self.vertices else elements)
-
-    def subset(self, keep: np.ndarray) -> Topology:
-        """The same mesh with fewer triangles, chosen by a mask."""
-        return Topology(
-            self.point_count,
-            self.face_count,
-            self.corner_count,
-            self.corners[keep],
-            self.faces[keep],
-            self.vertices[keep],
-        )
 
 
 def fits(values: np.ndarray, indices: np.ndarray | None, expected: int, interpolation: str) -> bool:
@@ -98,7 +108,7 @@ class Spreads(Protocol):
 
 def as_floats(value) -> np.ndarray | None:
     """(count, width) float32 of a Vt array or a single value; None for what is no numbers, or more
-    than four each."""
+    than four each. It may be USD's own memory, which is not written to."""
     array = np.asarray(value)
     if array.dtype.kind not in "fiub":
         return None
@@ -108,28 +118,92 @@ def as_floats(value) -> np.ndarray | None:
         array = array[:, None]
     if array.ndim != 2 or array.shape[1] > 4:
         return None
-    return np.array(array, dtype=np.float32, order="C")  # a copy: USD owns the original
+    return np.ascontiguousarray(array, dtype=np.float32)
 
 
-def read_primvars(
-    prim: Usd.Prim,
-    names: set[str],
-    topology: Spreads,
-    time: Usd.TimeCode,
-    colors: ColorSpaces,
-    report: Report,
-) -> dict[str, Primvar]:
-    """The named primvars of a gprim, its own or inherited constant ones."""
-    found = {}
-    api = UsdGeom.PrimvarsAPI(prim)
-    for name in sorted(names):
-        primvar = api.FindPrimvarWithInheritance(name)
+# A primvar and its values; None for values that are no numbers.
+Found = tuple[UsdGeom.Primvar, "np.ndarray | None"]
+
+
+class Primvars:
+    """Reads the primvars of gprims; what they inherit, once for all of them."""
+
+    def __init__(self, time: Usd.TimeCode, colors: ColorSpaces, report: Report):
+        self.time = time
+        self.colors = colors
+        self.report = report
+        self._inherited: dict[tuple[Usd.Prim, str], Found | None] = {}
+
+    def read(self, prim: Attributes, names: Iterable[str], topology: Spreads) -> dict[str, Primvar]:
+        """The named primvars of a gprim, its own or inherited constant ones."""
+        found = {}
+        for name in names:
+            own = self.own(prim, name)
+            if own is not None:
+                read = self._spread(
+                    own,
+                    read_values(own, self.time, self.colors, self.report),
+                    f"primvars:{name}:indices" in prim.names,
+                    topology,
+                )
+            else:
+                inherited = self.inherited(prim.prim.GetParent(), name)
+                read = inherited and self._spread(*inherited, True, topology)
+            if read is not None:
+                found[name] = read
+        return found
+
+    def own(self, prim: Attributes, name: str) -> UsdGeom.Primvar | None:
+        """The primvar that a prim itself has."""
+        if f"primvars:{name}" not in prim.names:
+            return None
+        primvar = UsdGeom.Primvar(prim.prim.GetAttribute(f"primvars:{name}"))
+        return primvar if primvar and primvar.HasAuthoredValue() else None
+
+    def inherited(self, parent: Usd.Prim, name: str) -> Found | None:
+        """The primvar that children of a prim inherit, and its values."""
+        if (parent, name) not in self._inherited:
+            self._inherited[parent, name] = self._find_inherited(parent, name)
+        return self._inherited[parent, name]
+
+    def _find_inherited(self, parent: Usd.Prim, name: str) -> Found | None:
+        if not parent or parent.IsPseudoRoot():
+            return None
+        primvar = UsdGeom.PrimvarsAPI(parent).FindPrimvarWithInheritance(name)
         if not primvar or not primvar.HasAuthoredValue():
-            continue
-        read = read_primvar(primvar, topology, time, colors, report)
-        if read is not None:
-            found[name] = read
-    return found
+            return None
+        if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
+            return None
+        return primvar, read_values(primvar, self.time, self.colors, self.report)
+
+    def _spread(
+        self,
+        primvar: UsdGeom.Primvar,
+        values: np.ndarray | None,
+        may_be_indexed: bool,
+        topology: Spreads,
+    ) -> Primvar | None:
+        """A primvar on a mesh; None, with a warning, if it does not fit."""
+        if values is None:
+            return None
+        indices = None
+        if may_be_indexed and primvar.IsIndexed():
+            indices = np.asarray(primvar.GetIndices(self.time))
+        interpolation = primvar.GetInterpolation()
+        path = primvar.GetAttr().GetPath
+        try:
+            result = topology.spread(values, indices, interpolation)
+        except IndexError:
+            raise Error(
+                f"{path()}: primvar indices out of range (0 to {len(values) - 1})"
+            ) from None
+        if result is None:
+            count = len(values) if indices is None else len(indices)
+            self.report.warn(
+                "primvars whose number of values does not fit their interpolation are ignored",
+                f"{path()} ({count} {interpolation})",
+            )
+        return result
 
 
 def read_values(
@@ -137,45 +211,20 @@ def read_values(
 ) -> np.ndarray | None:
     """(count, width) float32 values of a primvar as authored, colours in the rendering space; None,
     with a warning, for what is no numbers."""
-    path = primvar.GetAttr().GetPath()
+    attribute = primvar.GetAttr()
     value = primvar.Get(time)
     values = None if value is None else as_floats(value)
-    if values is None or primvar.GetElementSize() != 1:
-        report.warn("primvars of this type are not read", path)
+    if values is None or (
+        attribute.HasAuthoredMetadata("elementSize") and primvar.GetElementSize() != 1
+    ):
+        report.warn("primvars of this type are not read", attribute.GetPath())
         return None
-    if not np.isfinite(values).all():
-        report.warn("values of primvars that are not finite are read as 0", path)
+    if not math.isfinite(values.sum(dtype=np.float64)):
+        report.warn("values of primvars that are not finite are read as 0", attribute.GetPath())
         values = np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
-    if values.shape[1] >= 3 and primvar.GetTypeName().role == COLOR_ROLE:
-        space = colors.space_of(primvar.GetAttr())
-        rgb = colors.convert(values[:, :3], space)
-        values = np.concatenate([rgb, values[:, 3:]], axis=1).astype(np.float32, copy=False)
+    if values.shape[1] >= 3 and attribute.GetTypeName().role == COLOR_ROLE:
+        rgb = values[:, :3]
+        converted = colors.convert(rgb, colors.space_of(attribute))
+        if converted is not rgb:
+            values = np.concatenate([converted, values[:, 3:]], axis=1, dtype=np.float32)
     return values
-
-
-def read_primvar(
-    primvar: UsdGeom.Primvar,
-    topology: Spreads,
-    time: Usd.TimeCode,
-    colors: ColorSpaces,
-    report: Report,
-) -> Primvar | None:
-    """One primvar; None, with a warning, if it does not fit the mesh."""
-    path = primvar.GetAttr().GetPath()
-    values = read_values(primvar, time, colors, report)
-    if values is None:
-        return None
-    indices = None
-    if primvar.IsIndexed():
-        indices = np.asarray(primvar.GetIndices(time))
-    try:
-        result = topology.spread(values, indices, primvar.GetInterpolation())
-    except IndexError:
-        raise Error(f"{path}: primvar indices out of range (0 to {len(values) - 1})") from None
-    if result is None:
-        count = len(values) if indices is None else len(indices)
-        report.warn(
-            "primvars whose number of values does not fit their interpolation are ignored",
-            f"{path} ({count} {primvar.GetInterpolation()})",
-        )
-    return result

@@ -16,11 +16,12 @@ class Skinning:
         self.time = time
         self.has_skins = False
         self._cache = UsdSkel.Cache()
+        self._roots: list[Usd.Prim] = []
 
     def at(self, time: Usd.TimeCode) -> Skinning:
         """The same skeletons at another time."""
         other = Skinning(time)
-        other._cache = self._cache
+        other._cache, other._roots = self._cache, self._roots
         return other
 
     def may_deform(self, prim: Usd.Prim) -> bool:
@@ -29,11 +30,12 @@ class Skinning:
 
     def add_root(self, prim: Usd.Prim) -> None:
         """Learn of the skeletons and skinned prims below a SkelRoot."""
+        self._roots.append(prim)
         self._cache.Populate(UsdSkel.Root(prim), Usd.TraverseInstanceProxies())
 
     def skin(self, prim: Usd.Prim, points: np.ndarray) -> tuple[np.ndarray, Skin | None]:
         """The deformed points, (n, 3) float32, and the skin; None if there are no joints."""
-        query = self._cache.GetSkinningQuery(prim)
+        query = self._cache.GetSkinningQuery(prim) if self._roots else None
         if not query:
             return points, None
         skeleton = UsdSkel.BindingAPI(prim).GetInheritedSkeleton()

@@ -5,11 +5,12 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import UsdGeom
 
 from usdmlt.errors import Error, Report
 from usdmlt.native import surfaces
 from usdmlt.scene import Mesh, Primvar
+from usdmlt.stage.attributes import Attributes
 from usdmlt.stage.detail import Detail
 from usdmlt.stage.primvars import fits
 
@@ -25,28 +26,26 @@ class Subdivided:
 
     def __init__(
         self,
-        mesh: UsdGeom.Mesh,
+        mesh: Attributes,
         counts: np.ndarray,
         indices: np.ndarray,
         points: np.ndarray,
-        time: Usd.TimeCode,
         report: Report,
     ):
-        self.path = mesh.GetPath()
-        self.scheme = str(mesh.GetSubdivisionSchemeAttr().Get(time))
+        self.path = mesh.prim.GetPath()
+        self.scheme = str(mesh["subdivisionScheme"])
         self.point_count, self.face_count = len(points), len(counts)
         self.corner_count = len(indices)
-        self.left_handed = mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded
-        self.rule = str(mesh.GetFaceVaryingLinearInterpolationAttr().Get(time))
-        triangles = str(mesh.GetTriangleSubdivisionRuleAttr().Get(time))
-        self.smooth_triangles = triangles == UsdGeom.Tokens.smooth
+        self.left_handed = mesh["orientation"] == UsdGeom.Tokens.leftHanded
+        self.rule = str(mesh["faceVaryingLinearInterpolation"])
+        self.smooth_triangles = mesh["triangleSubdivisionRule"] == UsdGeom.Tokens.smooth
 
         # The corners and faces that take part, by their authored numbers.
         self.corners, self.owners, self.counts = self._usable(points, counts, indices, report)
         self.cage = surfaces().Cage(self.counts, indices[self.corners], len(points))
-        read_sharpness(mesh, self.cage, time, report)
-        boundary = str(mesh.GetInterpolateBoundaryAttr().Get(time))
-        self.hidden = self._hidden_faces(mesh, boundary, time)
+        read_sharpness(mesh, self.cage, report)
+        boundary = str(mesh["interpolateBoundary"])
+        self.hidden = self._hidden_faces(mesh, boundary)
         if boundary == UsdGeom.Tokens.edgeAndCorner:
             faces = np.bincount(self.cage.corner_vertices, minlength=self.cage.vertex_count)
             self.cage.vertex_sharpness[faces == 1] = surfaces().INFINITE
@@ -66,10 +65,10 @@ class Subdivided:
             corners, owners = split.ravel()[corners], faces[owners]
         return corners, owners, sides
 
-    def _hidden_faces(self, mesh: UsdGeom.Mesh, boundary: str, time: Usd.TimeCode) -> np.ndarray:
+    def _hidden_faces(self, mesh: Attributes, boundary: str) -> np.ndarray:
         """(cage faces,): holes, and, if boundaries are not interpolated, the faces beside them;
         empty for none."""
-        holes = np.asarray(mesh.GetHoleIndicesAttr().Get(time) or [], dtype=np.int64)
+        holes = mesh.array("holeIndices", np.int64)
         if not len(holes) and boundary != UsdGeom.Tokens.none:
             return np.empty(0, dtype=bool)
         hidden = np.zeros(self.cage.face_count, dtype=bool)
@@ -177,27 +176,23 @@ class Subdivided:
         return Primvar(values.astype(np.float32), cage.corner_vertices[self.triangle_corners])
 
 
-def read_sharpness(mesh: UsdGeom.Mesh, cage, time: Usd.TimeCode, report: Report) -> None:
+def read_sharpness(mesh: Attributes, cage, report: Report) -> None:
     """Creases and corners of a mesh into the sharpness of its cage."""
-    path = mesh.GetPath()
-
-    def numbers(attribute: Usd.Attribute, kind: type) -> np.ndarray:
-        return np.asarray(attribute.Get(time) or [], dtype=kind)
-
-    corners = numbers(mesh.GetCornerIndicesAttr(), np.int64)
-    sharpness = numbers(mesh.GetCornerSharpnessesAttr(), np.float64)
+    path = mesh.prim.GetPath()
+    corners = mesh.array("cornerIndices", np.int64)
+    sharpness = mesh.array("cornerSharpnesses", np.float64)
     if len(corners) != len(sharpness):
         report.warn("corners whose number of sharpnesses does not fit are ignored", path)
     elif len(corners):
-        _check_vertices(mesh.GetCornerIndicesAttr(), corners, cage)
+        _check_vertices(f"{path}.cornerIndices", corners, cage)
         _sharpen(cage.vertex_sharpness, corners, sharpness)
 
-    indices = numbers(mesh.GetCreaseIndicesAttr(), np.int64)
-    lengths = numbers(mesh.GetCreaseLengthsAttr(), np.int64)
-    sharpness = numbers(mesh.GetCreaseSharpnessesAttr(), np.float64)
+    indices = mesh.array("creaseIndices", np.int64)
     if not len(indices):
         return
-    _check_vertices(mesh.GetCreaseIndicesAttr(), indices, cage)
+    lengths = mesh.array("creaseLengths", np.int64)
+    sharpness = mesh.array("creaseSharpnesses", np.float64)
+    _check_vertices(f"{path}.creaseIndices", indices, cage)
     edges = int((lengths - 1).sum())
     per_edge = len(sharpness) == edges
     if (
@@ -223,23 +218,22 @@ def _sharpen(values: np.ndarray, where: np.ndarray, sharpness: np.ndarray) -> No
     np.maximum.at(values, where, np.clip(sharpness, 0, surfaces().INFINITE))
 
 
-def _check_vertices(attribute: Usd.Attribute, indices: np.ndarray, cage) -> None:
+def _check_vertices(attribute: str, indices: np.ndarray, cage) -> None:
     if not (indices.min() >= 0 and indices.max() < cage.vertex_count):
-        raise Error(f"{attribute.GetPath()}: out of range for {cage.vertex_count} points")
+        raise Error(f"{attribute}: out of range for {cage.vertex_count} points")
 
 
 def subdivide(
-    mesh: UsdGeom.Mesh,
+    mesh: Attributes,
     points: np.ndarray,
     counts: np.ndarray,
     indices: np.ndarray,
-    time: Usd.TimeCode,
     detail: Detail,
     report: Report,
 ) -> tuple[Mesh, Subdivided] | None:
     """The triangles and limit normals of a subdivision surface whose cage is ``points`` (n, 3) and
     polygons; None if nothing is left to see."""
-    surface = Subdivided(mesh, counts, indices, points, time, report)
+    surface = Subdivided(mesh, counts, indices, points, report)
     if not surface.cage.face_count:
         return None
     surface.refine(detail.level(points, surface.cage))

@@ -14,6 +14,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
 from usdmlt.errors import Report
 from usdmlt.scene import Light, Mesh
 from usdmlt.stage import gprims, lights, tessellated
+from usdmlt.stage.attributes import authored_names
 from usdmlt.stage.draw_modes import STAND_IN, draw_mode
 from usdmlt.stage.motion import Shutter
 from usdmlt.stage.points import alike
@@ -30,16 +31,18 @@ PROTOTYPE_CHILDREN = Usd.TraverseInstanceProxies(
 CHILDREN = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
 
-@dataclass
+@dataclass(slots=True)
 class Placed:
-    """A prim, what it is, and its transform to the space of its group; where that changes while the
-    shutter is open, ``motion`` (times, 4, 4)."""
+    """A prim, what it is, the names of its authored properties (None: not known), and its transform
+    to the space of its group; where that changes while the shutter is open, ``motion``
+    (times, 4, 4)."""
 
     prim: Usd.Prim
     kind: str
     transform: Gf.Matrix4d
     purpose: str
     motion: np.ndarray | None = None
+    names: frozenset[str] | None = None
 
     @property
     def matrix(self) -> np.ndarray:
@@ -141,33 +144,35 @@ class Traversal:
             if self.visibility.prunes(prim):
                 continue
             kind = self._kind(prim)
+            names = authored_names(prim)
             if kind.imageable:
-                attribute = prim.GetAttribute("visibility")
-                if attribute and attribute.Get(self.time) == UsdGeom.Tokens.invisible:
+                if "visibility" in names and self._is_invisible(prim):
                     continue
-                attribute = prim.GetAttribute("purpose")
-                if attribute and attribute.HasAuthoredValue():
-                    purpose = str(attribute.Get())
-            if kind.xformable:
+                if "purpose" in names and prim.GetAttribute("purpose").HasAuthoredValue():
+                    purpose = str(prim.GetAttribute("purpose").Get())
+            if kind.xformable and "xformOpOrder" in names:
                 local, resets = self.xforms.GetLocalTransformation(prim)
                 outer = group.from_world if resets else transform
                 moved = self._moved(prim, local, outer, None if resets else moved)
                 transform = local * outer
+            placed = Placed(prim, kind.name, transform, purpose, as_array(moved), names)
             if self.draw_modes and draw_mode(prim):
+                placed.kind = STAND_IN
                 if purpose in self.purposes and self.visibility.shows(prim):
-                    group.gprims.append(Placed(prim, STAND_IN, transform, purpose, as_array(moved)))
+                    group.gprims.append(placed)
                 continue
             if prim.IsInstance():
-                group.instances.append(Placed(prim, "", transform, purpose, as_array(moved)))
+                group.instances.append(placed)
                 continue
             shown = purpose in self.purposes or kind.role in _ANY_PURPOSE
             if kind.role and shown and self.visibility.shows(prim):
-                self._sort(
-                    group, Placed(prim, kind.name, transform, purpose, as_array(moved)), kind
-                )
+                self._sort(group, placed, kind)
             if kind.descend:
                 children = prim.GetFilteredChildren(predicate)
                 stack.extend((child, transform, purpose, moved) for child in reversed(children))
+
+    def _is_invisible(self, prim: Usd.Prim) -> bool:
+        return prim.GetAttribute("visibility").Get(self.time) == UsdGeom.Tokens.invisible
 
     def _moved(
         self, prim: Usd.Prim, local: Gf.Matrix4d, outer: Gf.Matrix4d, outer_moved: Moved
