@@ -43,6 +43,8 @@ struct Mesh {
     uint32_t material = 0;
     uint32_t receiver = 0;          // what lights are linked to: see LightLinks
     uint32_t link = invalid_index;  // collection that its own emission is linked to
+    // Rays that come from the eye's side pass where they meet its back.
+    bool one_sided = false;
     // At the further equidistant times of the shutter's interval; empty: it does not move.
     std::vector<std::vector<Vec3f>> later_positions;
     std::vector<std::vector<float>> later_normals;  // values of `normals`; empty: they stay

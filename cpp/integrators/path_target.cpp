@@ -44,10 +44,10 @@ bool PathTarget::finish(State& y) {
     if (change_.join > 0) {
         PathVertex& v = path.at(change_.join);
         if (v.geometry == 0) return false;
-        v.edge = transmittance(context_.scene, path[change_.join - 1], path[change_.join],
-                               context_.rays);
-        if (v.edge == 0) return false;
-        v.geometry *= v.edge;
+        v.edge =
+            edge_between(context_.scene, path[change_.join - 1], path[change_.join], context_.rays);
+        if (v.edge.is_blocked()) return false;
+        v.geometry *= v.edge.transmittance;
     }
     return evaluate(y, change_.l + 1, change_.m_y - 1);
 }

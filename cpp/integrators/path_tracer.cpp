@@ -23,15 +23,15 @@ Spectrum direct_light(const Scene& scene, Sampler& sampler, const SubpathVertex&
     if (!sample_light(scene, sampler, z, x0, pdf_direct)) return {};
     const Spectrum value = join(scene, x0, nullptr, z, &z_previous);
     if (is_black(value)) return {};
-    const float edge = transmittance(scene, x0, z, counters);
-    if (edge == 0) return {};
+    const Edge edge = edge_between(scene, x0, z, counters);
+    if (edge.is_blocked()) return {};
     double other = 0;
     if (!x0.light.delta) {
         const double pdf =
             density_by_scattering(z, z.to_previous, x0, direction_to(z, x0), Known::eye, edge);
         other = squared_ratio(pdf, pdf_direct);
     }
-    return value * static_cast<float>(edge / (1 + other));
+    return value * static_cast<float>(edge.transmittance / (1 + other));
 }
 
 }  // namespace
@@ -65,8 +65,8 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
     for (int k = 1; k <= settings.depth; ++k) {
         const int pair = first_pair + (k - 1) * bounce_pairs;
         Hit hit;
-        if (trace(scene, ray, sampler.stream(), statistics.rays, hit, v->opacity,
-                  v->edge_transmittance)) {
+        if (trace(scene, ray, Known::eye, sampler.stream(), statistics.rays, hit, v->opacity,
+                  v->edge)) {
             surface_vertex(scene, hit, *v);
             if (k == 1) alpha = 1;
         } else {
@@ -80,7 +80,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             if (!is_black(value)) {
                 if (k > 1 && previous->component == non_delta) {
                     const double p =
-                        area_density(pdf, *previous, *v, ray.direction) * v->edge_transmittance;
+                        area_density(pdf, *previous, *v, ray.direction) * v->edge.from_eye;
                     const double direct = pdf_direct(scene.lights, v->light, previous->position);
                     value *= static_cast<float>(1 / (1 + squared_ratio(direct, p)));
                 }

@@ -26,7 +26,7 @@ struct StrategySample {
     int s, t;
     Spectrum value;
     double weight;          // w_{s,t}
-    float edge;             // transmittance of the join
+    Edge edge;              // of the join
     const Subpath& light;   // `end` for s = 1
     const Subpath& camera;  // `end` for t = 1
     int edges() const { return s + t - 1; }
@@ -63,7 +63,7 @@ public:
     }
 
 private:
-    void add(int s, int t, const Spectrum& value, double weight, float edge) {
+    void add(int s, int t, const Spectrum& value, double weight, const Edge& edge) {
         if (is_black(value)) return;
         if (!is_finite(value)) {
             ++statistics_.non_finite;
@@ -87,11 +87,11 @@ private:
         if (t == 2 && z.infinite && !settings_.background) return;
         const Spectrum value = emitted_contribution(scene_, camera_, t);
         if (is_black(value)) return;
-        if (t == 2) return add(0, t, value, 1, 1);
+        if (t == 2) return add(0, t, value, 1, {});
         const SubpathVertex& previous = camera_[t - 2];
         const double w = strategy_weight(scene_, nullptr, nullptr, 0, z, &previous, t,
-                                         light_densities(scene_, z, previous), 1);
-        add(0, t, value * static_cast<float>(w), w, 1);
+                                         light_densities(scene_, z, previous), {});
+        add(0, t, value * static_cast<float>(w), w, {});
     }
 
     // s = 1
@@ -104,12 +104,12 @@ private:
         const SubpathVertex& previous = camera_[t - 2];
         const Spectrum value = join(scene_, end_[0], nullptr, z, &previous);
         if (is_black(value)) return;
-        const float edge = transmittance(scene_, end_[0], z, statistics_.rays);
-        if (edge == 0) return;
+        const Edge edge = edge_between(scene_, end_[0], z, statistics_.rays);
+        if (edge.is_blocked()) return;
         densities.point = pdf_point(scene_.lights, end_[0].light);
         const double w =
             strategy_weight(scene_, &end_[0], nullptr, 1, z, &previous, t, densities, edge);
-        add(1, t, value * static_cast<float>(edge * w), w, edge);
+        add(1, t, value * static_cast<float>(edge.transmittance * w), w, edge);
     }
 
     void connect(int s, int t) {
@@ -119,11 +119,11 @@ private:
         if (!x.can_connect()) return;
         const Spectrum value = join(scene_, x, before(light_, s), z, before(camera_, t));
         if (is_black(value)) return;
-        const float edge = transmittance(scene_, x, z, statistics_.rays);
-        if (edge == 0) return;
+        const Edge edge = edge_between(scene_, x, z, statistics_.rays);
+        if (edge.is_blocked()) return;
         const double w = strategy_weight(scene_, &x, before(light_, s), s, z, before(camera_, t), t,
                                          {light_.pdf_point, light_.pdf_direct}, edge);
-        add(s, t, value * static_cast<float>(edge * w), w, edge);
+        add(s, t, value * static_cast<float>(edge.transmittance * w), w, edge);
     }
 
     // t = 1
@@ -142,11 +142,11 @@ private:
         end_[0].throughput = Spectrum(1.0f);
         const Spectrum value = join(scene_, x, &light_[s - 2], end_[0], nullptr);
         if (is_black(value)) return;
-        const float edge = transmittance(scene_, x, end_[0], statistics_.rays);
-        if (edge == 0) return;
+        const Edge edge = edge_between(scene_, x, end_[0], statistics_.rays);
+        if (edge.is_blocked()) return;
         const double w = strategy_weight(scene_, &x, &light_[s - 2], s, end_[0], nullptr, 1,
                                          {light_.pdf_point, light_.pdf_direct}, edge);
-        add(s, 1, value * static_cast<float>(edge * w), w, edge);
+        add(s, 1, value * static_cast<float>(edge.transmittance * w), w, edge);
     }
 
     const Scene& scene_;

@@ -114,7 +114,7 @@ bool CausticPerturbation::propose(MutationContext& context, const Path& x, Path&
     if (infinite && !x[0].light.delta)
         context.recorded *= moves_light ? direction_probability : 1 - direction_probability;
     context.recorded *= 1.0 / count;
-    y.at(walk.end + 1).edge = 1;
+    y.at(walk.end + 1).edge = {};
     return walk.end + 1 < y.edges() || project_end(context, y);
 }
 

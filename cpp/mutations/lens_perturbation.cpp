@@ -52,7 +52,7 @@ bool LensWalk<inner_chains>::propose(MutationContext& context, const Path& x, Pa
     const Ray ray = camera_ray(camera, raster, lens, x.time);
     pdf *= camera.pdf_ray(ray.direction, x.time);
     if (!trace_walk(context, x, walk, ray, pdf, y)) return false;
-    if (walk.end > 0) y.at(walk.end).edge = 1;
+    if (walk.end > 0) y.at(walk.end).edge = {};
     return true;
 }
 

@@ -84,10 +84,11 @@ bool LensSubpath::propose(MutationContext& context, const Path& x, Path& y, Chan
     for (;; --i) {
         if (i == l) return false;  // too long
         Vertex& v = fresh(y, i);
-        float& edge = y.at(i + 1).edge;
-        if (!trace_vertex(scene, ray, false, random, context.rays, v, edge)) return false;
+        Edge& edge = y.at(i + 1).edge;
+        if (!trace_vertex(scene, ray, Known::eye, false, random, context.rays, v, edge))
+            return false;
         y.at(i + 1).direction = -ray.direction;
-        context.recorded *= area_density(pdf, y[i + 1], v, ray.direction) * edge;
+        context.recorded *= area_density(pdf, y[i + 1], v, ray.direction) * edge.from_eye;
         if (always_stops(v.closure)) break;
         const Continuations next(v.closure, -ray.direction);
         double u = random.next_double();
@@ -108,7 +109,7 @@ bool LensSubpath::propose(MutationContext& context, const Path& x, Path& y, Chan
     y.vertices.erase(y.vertices.begin() + l + 1, y.vertices.begin() + i);
     change.m_y = y.edges();
     y.at(l + 1).component = non_delta;
-    y.at(l + 1).edge = 1;
+    y.at(l + 1).edge = {};
     return y.edges() >= context.min_edges;
 }
 

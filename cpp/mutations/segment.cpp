@@ -38,10 +38,11 @@ bool extend_from_eye(MutationContext& context, Path& y, int i) {
         if (!scatter(context, y, i + 1, y.to_eye(i + 1), Known::eye, direction, pdf)) return false;
         ray = ray_from(y[i + 1], direction);
     }
-    float& edge = y.at(i + 1).edge;
-    if (!trace_vertex(scene, ray, i == 0, context.random, context.rays, v, edge)) return false;
+    Edge& edge = y.at(i + 1).edge;
+    if (!trace_vertex(scene, ray, Known::eye, i == 0, context.random, context.rays, v, edge))
+        return false;
     y.at(i + 1).direction = -ray.direction;
-    context.recorded *= area_density(pdf, y[i + 1], v, ray.direction) * edge;
+    context.recorded *= area_density(pdf, y[i + 1], v, ray.direction) * edge.from_eye;
     return true;
 }
 
@@ -73,10 +74,10 @@ bool extend_from_light(MutationContext& context, Path& y, int i, bool direct) {
             return false;
         ray = ray_from(previous, direction);
     }
-    float& edge = y.at(i).edge;
-    if (!trace_vertex(scene, ray, false, random, context.rays, v, edge)) return false;
+    Edge& edge = y.at(i).edge;
+    if (!trace_vertex(scene, ray, Known::light, false, random, context.rays, v, edge)) return false;
     y.at(i).direction = ray.direction;
-    context.recorded *= area_density(pdf, previous, v, ray.direction) * edge;
+    context.recorded *= area_density(pdf, previous, v, ray.direction) * edge.from_light;
     return true;
 }
 
@@ -99,7 +100,7 @@ bool make_segment(MutationContext& context, const Path& x, Change& change, int f
     if (s == 0) return y[0].is_light;
     y.at(s - 1).component = non_delta;
     change.join = s;
-    y.at(s).edge = 1;
+    y.at(s).edge = {};
     if (!has_strategy(y, s)) return false;
     return s < k || project_end(context, y);
 }

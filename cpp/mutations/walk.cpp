@@ -28,10 +28,12 @@ bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const
         PathVertex& vertex = y.at(i);
         PathVertex& edge = y.at(step > 0 ? i : i + 1);
         Vertex& v = fresh(y, i);
-        if (!trace_vertex(context.scene, ray, i == 0, context.random, context.rays, v, edge.edge))
+        if (!trace_vertex(context.scene, ray, walk.role, i == 0, context.random, context.rays, v,
+                          edge.edge))
             return false;
         edge.direction = step > 0 ? ray.direction : -ray.direction;
-        context.recorded *= area_density(pdf, y[i - step], v, ray.direction) * edge.edge;
+        context.recorded *=
+            area_density(pdf, y[i - step], v, ray.direction) * edge.edge.survival(walk.role);
         if (i == 0) return v.is_light;
         vertex.component = x.at(i).component;
         if (i == walk.end) return v.can_connect();
@@ -52,8 +54,9 @@ bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const
 
 double step_density(const Path& y, int from, int step, double pdf) {
     const int to = from + step;
-    const float edge = y.at(std::max(from, to)).edge;
-    return area_density(pdf, y[from], y[to], direction_along(y, from, step)) * edge;
+    const Edge& edge = y.at(std::max(from, to)).edge;
+    return area_density(pdf, y[from], y[to], direction_along(y, from, step)) *
+           edge.survival(step < 0 ? Known::eye : Known::light);
 }
 
 ScaledDouble walk_density(const MutationContext& context, const Path& x, const Path& y,

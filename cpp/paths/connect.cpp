@@ -6,7 +6,7 @@
 namespace usdmlt {
 double strategy_weight(const Scene& scene, const SubpathVertex* x, const SubpathVertex* x_previous,
                        int s, const SubpathVertex& z, const SubpathVertex* z_previous, int t,
-                       const LightDensities& densities, float edge) {
+                       const LightDensities& densities, const Edge& edge) {
     // k = 1: light seen directly has one strategy.
     if (s + t == 2) return 1;
 
@@ -19,8 +19,8 @@ double strategy_weight(const Scene& scene, const SubpathVertex* x, const Subpath
         if (s == 1) {
             towards_light = x->light.delta ? 0 : squared_ratio(p_eye, densities.direct);
         } else {
-            const double p_eye_previous = density_by_scattering(
-                *x, to_z, *x_previous, x->to_previous, Known::eye, x->edge_transmittance);
+            const double p_eye_previous =
+                density_by_scattering(*x, to_z, *x_previous, x->to_previous, Known::eye, x->edge);
             double r1 = squared_ratio(p_eye, x->pdf_forward);
             double r2 = squared_ratio(p_eye_previous, x_previous->pdf_forward);
             const double direct = squared_ratio(densities.direct, densities.point);
@@ -40,9 +40,8 @@ double strategy_weight(const Scene& scene, const SubpathVertex* x, const Subpath
         double p_light, p_light_previous;
         if (s == 0) {
             p_light = densities.direct;
-            p_light_previous =
-                density_from_light(scene, z, *z_previous, z.to_previous, z.edge_transmittance) *
-                (densities.direct > 0 ? densities.point / densities.direct : 0);
+            p_light_previous = density_from_light(scene, z, *z_previous, z.to_previous, z.edge) *
+                               (densities.direct > 0 ? densities.point / densities.direct : 0);
         } else {
             if (s == 1)
                 p_light = density_from_light(scene, *x, z, to_z, edge) *
@@ -50,7 +49,7 @@ double strategy_weight(const Scene& scene, const SubpathVertex* x, const Subpath
             else
                 p_light = density_by_scattering(*x, x->to_previous, z, to_z, Known::light, edge);
             p_light_previous = t > 2 ? density_by_scattering(z, to_x, *z_previous, z.to_previous,
-                                                             Known::light, z.edge_transmittance)
+                                                             Known::light, z.edge)
                                      : 0;
         }
         const bool joins = z_previous->component == non_delta && z_previous->can_connect();

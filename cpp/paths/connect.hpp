@@ -23,11 +23,11 @@ struct LightDensities {
 };
 
 // Weight of the path whose last light vertex is `x` (before it `x_previous`; null for s < 2) and
-// whose last camera vertex is `z` (before it `z_previous`; null for t = 1), joined by an edge of
-// transmittance `edge`. For s = 0, `x` is null and z is the light vertex. `s`, `t` count vertices.
+// whose last camera vertex is `z` (before it `z_previous`; null for t = 1), joined by `edge`.
+// For s = 0, `x` is null and z is the light vertex. `s`, `t` count vertices.
 double strategy_weight(const Scene& scene, const SubpathVertex* x, const SubpathVertex* x_previous,
                        int s, const SubpathVertex& z, const SubpathVertex* z_previous, int t,
-                       const LightDensities& densities, float edge);
+                       const LightDensities& densities, const Edge& edge);
 
 // The camera subpath ends on a light (s = 0): Le times throughput, unweighted.
 Spectrum emitted_contribution(const Scene& scene, const Subpath& camera, int t);

@@ -48,8 +48,8 @@ bool trace_photon(const Scene& scene, float select, Vec2f u_point, Vec2f u_direc
     Ray ray;
     if (!sample_light_ray(scene, v, u_direction, ray, pdf)) return false;
     for (int i = 0;; ++i) {
-        float edge;
-        if (!trace_vertex(scene, ray, false, random, counters, v, edge)) return false;
+        Edge edge;
+        if (!trace_vertex(scene, ray, Known::light, false, random, counters, v, edge)) return false;
         if (v.closure.lobe_count == 0) return false;
         ClosureSample sample;
         const Vec2f u = random.next_2d();

@@ -7,22 +7,22 @@
 
 namespace usdmlt {
 
-void join_subpaths(const Subpath& light, int s, const Subpath& camera, int t, float edge,
+void join_subpaths(const Subpath& light, int s, const Subpath& camera, int t, const Edge& edge,
                    Path& path) {
     path.vertices.clear();
     path.time = camera[0].time;
-    const auto append = [&](const SubpathVertex& v, float before) {
+    const auto append = [&](const SubpathVertex& v, const Edge& before) {
         PathVertex vertex;
         vertex.vertex = &v;
         vertex.component = v.component;
         vertex.edge = before;
         path.vertices.push_back(vertex);
     };
-    for (int i = 0; i < s; ++i) append(light[i], i > 0 ? light[i].edge_transmittance : 1);
+    for (int i = 0; i < s; ++i) append(light[i], i > 0 ? light[i].edge : Edge{});
     for (int i = t - 1; i >= 0; --i) {
         // A camera vertex keeps the edge to the vertex nearer to the lens.
         const bool first = i == t - 1;
-        append(camera[i], first ? (s > 0 ? edge : 1) : camera[i + 1].edge_transmittance);
+        append(camera[i], first ? (s > 0 ? edge : Edge{}) : camera[i + 1].edge);
     }
     if (s > 0) path.at(s - 1).component = non_delta;
     path.at(s).component = non_delta;
@@ -33,7 +33,7 @@ void update_edges(Path& path, int first, int last) {
     for (int i = first; i <= last; ++i) {
         PathVertex& v = path.at(i);
         v.direction = direction_to(path[i - 1], path[i]);
-        v.geometry = geometry_term(path[i - 1], path[i], v.direction) * v.edge;
+        v.geometry = geometry_term(path[i - 1], path[i], v.direction) * v.edge.transmittance;
     }
 }
 
@@ -81,7 +81,7 @@ Contribution contribution(const Scene& scene, Path& path) {
 
 double density_from_light_side(const Scene& scene, const Path& path, int i) {
     if (i == 0) return pdf_point(scene.lights, path[0].light);
-    const float edge = path.at(i).edge;
+    const Edge& edge = path.at(i).edge;
     if (i == 1) return density_from_light(scene, path[0], path[1], path.to_eye(0), edge);
     return density_by_scattering(path[i - 1], path.to_light(i - 1), path[i], path.to_eye(i - 1),
                                  Known::light, edge, path.at(i - 1).component);
@@ -90,7 +90,7 @@ double density_from_light_side(const Scene& scene, const Path& path, int i) {
 double density_from_eye_side(const Scene& scene, const Path& path, int i) {
     const int k = path.edges();
     if (i == k) return scene.camera.pdf_lens();
-    const float edge = path.at(i + 1).edge;
+    const Edge& edge = path.at(i + 1).edge;
     if (i == k - 1) return density_from_lens(scene, path[k], path[i], path.to_light(k), edge);
     return density_by_scattering(path[i + 1], path.to_eye(i + 1), path[i], path.to_light(i + 1),
                                  Known::eye, edge, path.at(i + 1).component);

@@ -15,7 +15,7 @@ namespace usdmlt {
 struct PathVertex {
     const Vertex* vertex = nullptr;   // belongs to whoever made it
     Component component = non_delta;  // how the path scatters here
-    float edge = 1;                   // transmittance between x_{i−1} and x_i
+    Edge edge;                        // between x_{i−1} and x_i
     Vec3f direction;                  // unit, from x_{i−1} to x_i
     double geometry = 1;              // G·τ of that edge
     Spectrum scattering;              // Le·α at x0, We at xk, between them f_s·|cosθ_s/cosθ_g|·α
@@ -39,10 +39,10 @@ struct Path {
     bool is_delta(int i) const { return at(i).component != non_delta; }
 };
 
-// Joins s vertices of a light subpath and t of a camera subpath by an edge of transmittance `edge`
+// Joins s vertices of a light subpath and t of a camera subpath by an edge
 // (s = 0: the camera subpath itself). The joined vertices scatter by their non-Dirac component.
 // The lens of t = 1 and the light point of s = 1 may stand alone: first vertices of their subpaths.
-void join_subpaths(const Subpath& light, int s, const Subpath& camera, int t, float edge,
+void join_subpaths(const Subpath& light, int s, const Subpath& camera, int t, const Edge& edge,
                    Path& path);
 
 // Fill in the factors of edges, and of vertices, first … last. The latter is false where one of

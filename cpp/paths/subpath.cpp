@@ -19,8 +19,8 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
     for (;;) {
         SubpathVertex& previous = path[path.count - 1];
         SubpathVertex& v = path[path.count];
-        if (!trace_vertex(scene, ray, role == Known::eye, sampler.stream(), counters, v,
-                          v.edge_transmittance))
+        if (!trace_vertex(scene, ray, role, role == Known::eye, sampler.stream(), counters, v,
+                          v.edge))
             return;
         if (role == Known::light && path.count == 1 && !scene.lights.links.empty()) {
             // What the light gives depends on what the ray has met.
@@ -32,7 +32,7 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
         v.throughput = weight;
         v.survival = survival;
         v.to_previous = -ray.direction;
-        v.pdf_forward = area_density(pdf, previous, v, ray.direction) * v.edge_transmittance;
+        v.pdf_forward = area_density(pdf, previous, v, ray.direction) * v.edge.survival(role);
         v.pdf_reverse = 0;
         v.strategy_sum = 0;
         ++path.count;
@@ -48,7 +48,7 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
         v.component = sample.component;
         const Known reverse = role == Known::eye ? Known::light : Known::eye;
         previous.pdf_reverse = density_by_scattering(v, sample.direction, previous, known, reverse,
-                                                     v.edge_transmittance, sample.component);
+                                                     v.edge, sample.component);
         // Strategy that would join the previous vertex to this one.
         const int n = path.count - 1;
         const bool joins =
@@ -126,7 +126,7 @@ void trace_light_subpath(const Scene& scene, Sampler& sampler, float time, int m
     if (!sample_light_ray(scene, v, u_direction, ray, pdf)) return;
     const double cosine = point.infinite ? 1 : abs_dot(v.normal, ray.direction);
     const double weight = v.opacity / path.pdf_point * cosine / pdf;
-    const Spectrum emitted = radiance(scene.lights, point, ray.direction);
+    const Spectrum emitted = emission(scene, v, ray.direction);
     if (is_black(emitted)) return;
     walk(scene, sampler, Known::light, ray, pdf, emitted * static_cast<float>(weight), max_vertices,
          counters, path);

@@ -17,9 +17,9 @@ struct SubpathVertex : Vertex {
     Spectrum throughput;  // of the subpath up to here, before scattering here
     double pdf_forward = 0;
     double pdf_reverse = 0;
-    Vec3f to_previous;             // unit direction to the previous vertex
-    float edge_transmittance = 1;  // of the edge from the previous vertex
-    float survival = 1;            // probability that roulette let the walk come here
+    Vec3f to_previous;   // unit direction to the previous vertex
+    Edge edge;           // from the previous vertex
+    float survival = 1;  // probability that roulette let the walk come here
     // Power-heuristic sum of the strategies that leave this subpath no more than this vertex's
     // index in vertices, relative to the strategy of exactly that many: see connect.hpp.
     double strategy_sum = 0;

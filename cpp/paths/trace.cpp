@@ -74,16 +74,27 @@ Vec3f interpolated_normal(const Mesh& mesh, const Hit& hit) {
                        of(mesh.later_normals[t.first]), t.fraction);
 }
 
-// Opacity of the surface a light point lies on: only meshes have one.
-float light_opacity(const Scene& scene, const LightPoint& point) {
-    if (scene.all_opaque || point.infinite) return 1;
-    const auto* light = std::get_if<MeshLight>(&scene.lights.lights[point.light]);
-    if (!light) return 1;
-    const uint32_t material = light->mesh->material_of(point.primitive);
-    return is_opaque(scene.materials, material) ? 1
-                                                : opacity(scene.materials, material, *light->mesh,
-                                                          point.primitive, point.uv.x, point.uv.y);
+float opacity_of(const Scene& scene, const Mesh& mesh, uint32_t triangle, float u, float v) {
+    const uint32_t material = mesh.material_of(triangle);
+    if (is_opaque(scene.materials, material)) return 1;
+    return opacity(scene.materials, material, mesh, triangle, u, v);
 }
+
+// A surface in a ray's way.
+struct Crossing {
+    HitPoint point;
+    bool from_behind;  // on the way from the eye to the light
+
+    Crossing(const Scene& scene, const Hit& hit, Vec3f direction, Known role)
+        : point(position_on_mesh(scene, hit)),
+          from_behind((dot(point.normal, direction) > 0) == (role == Known::eye)) {}
+
+    // Where the ray goes on.
+    Vec3f other_side(Vec3f direction) const {
+        const float side = dot(point.normal, direction) < 0 ? -point.error : point.error;
+        return point.position + point.normal * side;
+    }
+};
 
 }  // namespace
 
@@ -101,6 +112,7 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
         // A light's own shape: emits, scatters nothing.
         v.light = shape_point(scene.lights, hit.primitive, v.uv);
         v.is_light = true;
+        v.one_sided = false;
         v.position = v.light.position;
         v.normal = v.light.normal;
         v.position_error = max_component(abs(v.position)) * error_factor;
@@ -113,6 +125,7 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
     }
     const Mesh& mesh = scene.meshes[hit.mesh];
     const HitPoint p = position_on_mesh(scene, hit);
+    v.one_sided = mesh.one_sided;
     v.position = p.position;
     v.normal = p.normal;
     v.position_error = p.error;
@@ -157,14 +170,21 @@ void light_vertex(const Scene& scene, const LightPoint& point, float time, Verte
     v.normal = point.normal;
     v.direction = point.direction;
     v.position_error = point.infinite ? 0 : max_component(abs(point.position)) * error_factor;
-    v.opacity = light_opacity(scene, point);
+    v.opacity = 1;
+    v.one_sided = false;
+    if (scene.all_opaque || point.infinite) return;
+    // Only meshes let rays pass.
+    if (const auto* light = std::get_if<MeshLight>(&scene.lights.lights[point.light])) {
+        v.one_sided = light->mesh->one_sided;
+        v.opacity = opacity_of(scene, *light->mesh, point.primitive, point.uv.x, point.uv.y);
+    }
 }
 
 void camera_vertex(const Scene& scene, Vec3f lens_point, float time, Vertex& v) {
     const Vec3f forward = scene.camera.pose(time).forward;
     v.kind = VertexKind::camera;
     v.component = non_delta;
-    v.is_light = false;
+    v.is_light = v.one_sided = false;
     v.infinite = scene.camera.orthographic;
     v.position = lens_point;
     v.normal = forward;
@@ -174,26 +194,30 @@ void camera_vertex(const Scene& scene, Vec3f lens_point, float time, Vertex& v) 
     v.opacity = 1;
 }
 
-bool trace(const Scene& scene, Ray ray, RandomStream& random, RayCounters& counters, Hit& hit,
-           float& opacity_out, float& transmittance_out) {
-    transmittance_out = 1;
+bool trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCounters& counters,
+           Hit& hit, float& opacity_out, Edge& edge) {
+    edge = {};
     opacity_out = 1;
     for (;;) {
         counters.count_closest(ray);
         if (!scene.acceleration->intersect(ray, hit)) return false;
         if (scene.all_opaque || hit.mesh == invalid_index) return true;
         const Mesh& mesh = scene.meshes[hit.mesh];
-        const uint32_t material = mesh.material_of(hit.primitive);
-        if (is_opaque(scene.materials, material)) return true;
-        const float alpha = opacity(scene.materials, material, mesh, hit.primitive, hit.u, hit.v);
-        if (alpha >= 1 || (alpha > 0 && random.next_1d() < alpha)) {
-            opacity_out = alpha;
-            return true;
+        const float alpha = opacity_of(scene, mesh, hit.primitive, hit.u, hit.v);
+        if (alpha >= 1 && !mesh.one_sided) return true;
+        const Crossing crossing(scene, hit, ray.direction, role);
+        const bool unseen = mesh.one_sided && crossing.from_behind;
+        if (unseen && role == Known::eye) {
+            edge.from_light = 0;
+        } else {
+            if (alpha >= 1 || (alpha > 0 && random.next_1d() < alpha)) {
+                opacity_out = alpha;
+                return true;
+            }
+            if (unseen) return false;
+            edge.attenuate(1 - alpha);
         }
-        transmittance_out *= 1 - alpha;
-        const HitPoint p = position_on_mesh(scene, hit);
-        const float side = dot(p.normal, ray.direction) < 0 ? -p.error : p.error;
-        ray.origin = p.position + p.normal * side;
+        ray.origin = crossing.other_side(ray.direction);
         ray.tnear = 0;
         ray.tfar -= hit.t;
     }
@@ -213,10 +237,10 @@ bool sample_light_ray(const Scene& scene, const Vertex& x0, Vec2f u, Ray& ray, d
     return true;
 }
 
-bool trace_vertex(const Scene& scene, const Ray& ray, bool environment, RandomStream& random,
-                  RayCounters& counters, Vertex& v, float& transmittance) {
+bool trace_vertex(const Scene& scene, const Ray& ray, Known role, bool environment,
+                  RandomStream& random, RayCounters& counters, Vertex& v, Edge& edge) {
     Hit hit;
-    if (trace(scene, ray, random, counters, hit, v.opacity, transmittance)) {
+    if (trace(scene, ray, role, random, counters, hit, v.opacity, edge)) {
         surface_vertex(scene, hit, v);
         if (counters.guide && v.can_connect()) v.closure.guide = counters.guide->at(v.position);
         return true;
@@ -228,25 +252,36 @@ bool trace_vertex(const Scene& scene, const Ray& ray, bool environment, RandomSt
     return true;
 }
 
-float transmittance(const Scene& scene, Ray ray, RayCounters& counters) {
+namespace {
+
+// A segment that starts on the eye's or the light's side.
+Edge follow(const Scene& scene, Ray ray, Known role, RayCounters& counters) {
+    Edge edge;
     if (scene.all_opaque) {
         counters.count_shadow(ray);
-        return scene.acceleration->occluded(ray) ? 0.0f : 1.0f;
+        if (scene.acceleration->occluded(ray)) edge.attenuate(0);
+        return edge;
     }
-    float product = 1;
     Hit hit;
-    for (;;) {
+    while (!edge.is_blocked()) {
         counters.count_shadow(ray);
-        if (!scene.acceleration->intersect(ray, hit)) return product;
-        if (hit.mesh == invalid_index) return 0;
+        if (!scene.acceleration->intersect(ray, hit)) return edge;
+        if (hit.mesh == invalid_index) {
+            edge.attenuate(0);
+            return edge;
+        }
         const Mesh& mesh = scene.meshes[hit.mesh];
-        const uint32_t material = mesh.material_of(hit.primitive);
-        if (is_opaque(scene.materials, material)) return 0;
-        product *= 1 - opacity(scene.materials, material, mesh, hit.primitive, hit.u, hit.v);
-        if (!(product > 0)) return 0;
-        const HitPoint p = position_on_mesh(scene, hit);
-        const float side = dot(p.normal, ray.direction) < 0 ? -p.error : p.error;
-        const Vec3f origin = p.position + p.normal * side;
+        const float alpha = opacity_of(scene, mesh, hit.primitive, hit.u, hit.v);
+        if (alpha >= 1 && !mesh.one_sided) {
+            edge.attenuate(0);
+            return edge;
+        }
+        const Crossing crossing(scene, hit, ray.direction, role);
+        if (mesh.one_sided && crossing.from_behind)
+            edge.from_light = 0;
+        else
+            edge.attenuate(1 - alpha);
+        const Vec3f origin = crossing.other_side(ray.direction);
         // Keeps the end of the segment where it was.
         const Vec3f end = ray.origin + ray.direction * ray.tfar;
         if (ray.tfar < infinite_distance / 2) {
@@ -256,29 +291,30 @@ float transmittance(const Scene& scene, Ray ray, RayCounters& counters) {
         ray.origin = origin;
         ray.tnear = 0;
     }
+    return edge;
 }
 
-float transmittance(const Scene& scene, const Vertex& a, const Vertex& b, RayCounters& counters) {
-    if (a.kind == VertexKind::camera) return transmittance(scene, b, a, counters);
-    if (a.infinite) return transmittance(scene, b, a, counters);
-    // a is a point now, and not the lens.
-    if (b.kind == VertexKind::camera) {
-        const Camera& camera = scene.camera;
-        const Vec3f to_camera = direction_to(a, b);
-        const Vec3f from = offset_origin(a, to_camera);
-        const float depth = dot(from - camera.pose(b.time).position, b.normal);
-        // Up to where the camera starts to see only.
-        const Vec3f path = camera.orthographic ? to_camera : b.position - from;
-        const float near = camera.orthographic ? depth - camera.near : 1 - camera.near / depth;
-        const float far = camera.seen_until(from, path, near, b.time);
-        return transmittance(scene, {from, 0, path, far, b.time}, counters);
+}  // namespace
+
+Edge edge_between(const Scene& scene, const Vertex& x, const Vertex& z, RayCounters& counters) {
+    if (x.infinite) {
+        const Vec3f from = offset_origin(z, x.direction);
+        return follow(scene, {from, 0, x.direction, infinite_distance, z.time}, Known::eye,
+                      counters);
     }
-    const Vec3f direction = direction_to(a, b);
-    const Vec3f from = offset_origin(a, direction);
-    if (b.infinite)
-        return transmittance(scene, {from, 0, direction, infinite_distance, a.time}, counters);
-    const Vec3f to = offset_origin(b, -direction);
-    return transmittance(scene, {from, 0, to - from, segment_end, a.time}, counters);
+    const Vec3f direction = direction_to(x, z);
+    const Vec3f from = offset_origin(x, direction);
+    if (z.kind == VertexKind::camera) {
+        const Camera& camera = scene.camera;
+        const float depth = dot(from - camera.pose(z.time).position, z.normal);
+        // Up to where the camera starts to see only.
+        const Vec3f path = camera.orthographic ? direction : z.position - from;
+        const float near = camera.orthographic ? depth - camera.near : 1 - camera.near / depth;
+        const float far = camera.seen_until(from, path, near, z.time);
+        return follow(scene, {from, 0, path, far, z.time}, Known::light, counters);
+    }
+    const Vec3f to = offset_origin(z, -direction);
+    return follow(scene, {from, 0, to - from, segment_end, x.time}, Known::light, counters);
 }
 
 }  // namespace usdmlt

@@ -2,9 +2,15 @@
 //
 // A surface of opacity α < 1 is passed with 1 − α: the edge's factor in f and in the density of
 // traced edges alike. A traced ray stops there with probability α.
+//
+// One-sided surfaces are there for what sees their front, the eye being where one looks from: rays
+// from the eye's side pass their backs, as do the edges of f. Rays from the light's side would have
+// to stop at a front and go on as well; they only stop, and paths on which they go on are left to
+// the other strategies.
 #pragma once
 
 #include "base/rng.hpp"
+#include "paths/edge.hpp"
 #include "paths/vertex.hpp"
 #include "scene/scene.hpp"
 
@@ -48,24 +54,21 @@ void light_vertex(const Scene& scene, const LightPoint& point, float time, Verte
 // Makes the lens vertex of a perspective camera, or the direction of an orthographic one.
 void camera_vertex(const Scene& scene, Vec3f lens_point, float time, Vertex& v);
 
-// Follows a ray to the surface where it stops. `transmittance` is the product of 1 − α of the
-// surfaces it passed. False: it escaped.
-bool trace(const Scene& scene, Ray ray, RandomStream& random, RayCounters& counters, Hit& hit,
-           float& opacity, float& transmittance);
+// Follows a ray from the eye's or the light's side to the surface where it stops. False: it escaped
+// (or is lost: it found nothing that is there for the eye).
+bool trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCounters& counters,
+           Hit& hit, float& opacity, Edge& edge);
 
 // Follows a ray to the next vertex of a path: a surface or, where `environment` is set, the
 // direction at infinity of a ray that escapes. False: there is none.
-bool trace_vertex(const Scene& scene, const Ray& ray, bool environment, RandomStream& random,
-                  RayCounters& counters, Vertex& v, float& transmittance);
+bool trace_vertex(const Scene& scene, const Ray& ray, Known role, bool environment,
+                  RandomStream& random, RayCounters& counters, Vertex& v, Edge& edge);
 
 // The first ray of a light subpath, from x0: by the direction of a surface light, or the origin of
 // a light at infinity, whose density is `pdf`. False: there is none.
 bool sample_light_ray(const Scene& scene, const Vertex& x0, Vec2f u, Ray& ray, double& pdf);
 
-// Product of 1 − α along a segment: 1 where it is free, 0 where something opaque is in the way.
-float transmittance(const Scene& scene, Ray ray, RayCounters& counters);
-
-// The same between two vertices (one of them may be at infinity, or the lens).
-float transmittance(const Scene& scene, const Vertex& a, const Vertex& b, RayCounters& counters);
+// The edge from x to z, which is nearer to the eye (x may be at infinity, z the lens).
+Edge edge_between(const Scene& scene, const Vertex& x, const Vertex& z, RayCounters& counters);
 
 }  // namespace usdmlt

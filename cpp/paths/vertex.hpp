@@ -17,6 +17,7 @@ struct Vertex {
     VertexKind kind = VertexKind::surface;
     bool infinite = false;            // a direction, not a point: `direction`
     bool is_light = false;            // `light` is set: the vertex can be a path's x0
+    bool one_sided = false;           // it is there only where the eye sees its front
     Component component = non_delta;  // how the path scatters here
     Vec3f position;
     Vec3f normal;              // geometric; the view axis on the lens
@@ -31,6 +32,8 @@ struct Vertex {
     Closure closure;  // surfaces only
 
     bool is_surface() const { return kind == VertexKind::surface; }
+    // Whether it is there for what is on that side.
+    bool is_seen_from(Vec3f direction) const { return !one_sided || dot(normal, direction) > 0; }
     bool can_connect() const { return kind != VertexKind::surface || closure.has_non_delta; }
 };
 
@@ -78,6 +81,7 @@ inline double area_density(double pdf, const Vertex& from, const Vertex& to, Vec
 // travels from `to_light` to `to_eye`; geometry terms use geometric normals.
 inline Spectrum scattering(const Vertex& v, Vec3f to_light, Vec3f to_eye,
                            Component component = non_delta) {
+    if (!v.is_seen_from(to_eye)) return {};
     const Spectrum f = v.closure.evaluate(to_light, to_eye, component);
     const float cos_g = abs_dot(to_light, v.normal);
     if (is_black(f) || cos_g == 0) return {};
@@ -90,7 +94,7 @@ inline Spectrum sampling_weight(const Vertex& v, Vec3f known, Known role,
     if (role == Known::eye)
         return sample.value * (abs_dot(sample.direction, v.closure.shading.z) / sample.pdf);
     const float cos_g = abs_dot(known, v.normal);
-    if (cos_g == 0) return {};
+    if (cos_g == 0 || !v.is_seen_from(sample.direction)) return {};
     return sample.value * (abs_dot(known, v.closure.shading.z) *
                            abs_dot(sample.direction, v.normal) / (cos_g * sample.pdf));
 }

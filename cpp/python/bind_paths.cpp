@@ -29,15 +29,15 @@ void compare(const Scene& scene, const Subpath& light, int s, const Subpath& cam
     const SubpathVertex* x = s >= 1 ? &light[s - 1] : nullptr;
     const SubpathVertex* x_previous = s >= 2 ? &light[s - 2] : nullptr;
     RayCounters counters;
-    float edge = 1;
+    Edge edge;
     Spectrum value;
     if (s == 0) {
         value = emitted_contribution(scene, camera, t);
     } else {
         value = join(scene, *x, x_previous, z, z_previous);
-        if (!is_black(value)) edge = transmittance(scene, *x, z, counters);
+        if (!is_black(value)) edge = edge_between(scene, *x, z, counters);
     }
-    if (is_black(value) || edge == 0) return;
+    if (is_black(value) || edge.is_blocked()) return;
     Path path;
     join_subpaths(light, s, camera, t, edge, path);
     const Contribution f = contribution(scene, path);
@@ -46,7 +46,7 @@ void compare(const Scene& scene, const Subpath& light, int s, const Subpath& cam
     rows.weight.push_back(
         strategy_weight(scene, x, x_previous, s, z, z_previous, t, densities, edge));
     rows.weight_by_definition.push_back(power_heuristic(scene, path, s));
-    rows.estimate.push_back(double(value[0] + value[1] + value[2]) * edge);
+    rows.estimate.push_back(double(value[0] + value[1] + value[2]) * edge.transmittance);
     ScaledDouble sum = f.c[0] + f.c[1] + f.c[2];
     sum.exponent += f.exponent;
     rows.estimate_by_definition.push_back(ratio(sum, strategy_density(scene, path, s)));

@@ -152,6 +152,7 @@ void add_motion(const py::handle& source, Vec3d center, Mesh& mesh) {
 Mesh make_mesh(const py::handle& source, Vec3d center, const py::dict& primvar_slots) {
     Mesh mesh;
     mesh.name = py::cast<std::string>(source.attr("name"));
+    mesh.one_sided = !py::cast<bool>(source.attr("double_sided"));
     const Affine3d m = affine(source.attr("transform"));
     const bool flipped = m.determinant() < 0;
     mesh.positions = placed_points(py::cast<Floats>(source.attr("points")), m, center);
@@ -345,14 +346,14 @@ py::dict closest_hits(const Scene& scene, const Doubles& origins, const Doubles&
         const Vec3d origin = Vec3d{o(i, 0), o(i, 1), o(i, 2)} - scene.origin;
         Hit hit;
         Vertex v;
-        float passed;
+        Edge edge;
         const bool found = trace(scene,
                                  {to_float(origin),
                                   0,
                                   {float(d(i, 0)), float(d(i, 1)), float(d(i, 2))},
                                   infinite_distance,
                                   time},
-                                 random, counters, hit, v.opacity, passed);
+                                 Known::eye, random, counters, hit, v.opacity, edge);
         const auto id = [&](uint32_t x) { return found && x != invalid_index ? int64_t(x) : -1; };
         if (found) surface_vertex(scene, hit, v);
         distance.mutable_at(i) = found ? hit.t : std::numeric_limits<float>::infinity();

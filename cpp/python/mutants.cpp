@@ -30,7 +30,9 @@ struct Making {
     }
 };
 
-double edge_of(const Path& y, int a, int b) { return y.at(std::max(a, b)).edge; }
+double edge_of(const Path& y, int from, int to) {
+    return y.at(std::max(from, to)).edge.survival(to < from ? Known::eye : Known::light);
+}
 
 // Cosine and distance of the conversion from solid angle to area.
 double cosine(const Path& y, int from, int to) {

@@ -56,8 +56,10 @@ ShapeCallbacks light_shapes(const Lights& lights) {
 }  // namespace
 
 void Scene::commit(std::shared_ptr<const embree::Library> library, const std::string& isa) {
-    all_opaque = std::all_of(materials.materials.begin(), materials.materials.end(),
-                             [](const Material& m) { return m.is_opaque; });
+    all_opaque =
+        std::all_of(materials.materials.begin(), materials.materials.end(),
+                    [](const Material& m) { return m.is_opaque; }) &&
+        std::none_of(meshes.begin(), meshes.end(), [](const Mesh& m) { return m.one_sided; });
     add_mesh_lights(*this);
     has_motion =
         camera.moves() ||

@@ -30,7 +30,7 @@ struct Scene {
     bool background = true;  // the camera sees environments directly
 
     std::unique_ptr<Acceleration> acceleration;
-    bool all_opaque = true;
+    bool all_opaque = true;  // no ray passes any surface
 
     // Light of each mesh of the world; of each emissive mesh of each instance. invalid_index: none.
     std::vector<uint32_t> mesh_lights;

@@ -13,6 +13,7 @@ from usdmlt.settings import check_resolution
 
 Complexity = Literal["low", "medium", "high", "veryhigh"]
 ResolverContext = Literal["root", "inherit"]
+DoubleSided = Literal["on", "auto"]
 View = Literal["sRGB", "disabled"]  # of a .png
 KNOWN_PURPOSES = ("default", "render", "proxy", "guide")
 
@@ -41,6 +42,10 @@ class LoadOptions:
     ``product``: path of one of their products, whose opinions are stronger; None: the first.
     ``complexity``: how finely curved surfaces are subdivided, as usdrecord names it; None: as
     finely as the picture shows.
+    ``double_sided``: "on": all surfaces are seen from both sides; "auto": those that say so by
+    ``doubleSided``, the others from their front alone, which rays that come from the camera's side
+    pass where they meet the back. Surfaces that refract have both. None: the render settings'
+    ``usdmlt:doubleSided``, else "on".
     ``draw_modes``: whether models are drawn as the cards or boxes that they ask for.
     ``default_light``: whether a stage without lights gets a white dome.
     ``domes_visible``: whether the camera sees domes and distant lights directly.
@@ -68,6 +73,7 @@ class LoadOptions:
     render_pass: str | None = None
     product: str | None = None
     complexity: Complexity | None = None
+    double_sided: DoubleSided | None = None
     draw_modes: bool = True
     default_light: bool = True
     domes_visible: bool = True
@@ -89,11 +95,9 @@ class LoadOptions:
         unknown = set(self.purposes or ()) - set(KNOWN_PURPOSES)
         if unknown:
             raise UsageError(f"unknown purposes: {', '.join(sorted(unknown))}")
-        for name, known in (("complexity", Complexity), ("resolver", ResolverContext)):
-            value = getattr(self, name)
-            if value not in get_args(known) and not (name == "complexity" and value is None):
-                choices = ", ".join(get_args(known))
-                raise UsageError(f"{name} must be one of {choices}, not {value!r}")
+        check_choice("complexity", self.complexity, (None, *get_args(Complexity)))
+        check_choice("double_sided", self.double_sided, (None, *get_args(DoubleSided)))
+        check_choice("resolver", self.resolver, get_args(ResolverContext))
         if self.crop is not None:
             check_data_window("crop", self.crop)
         if self.render_settings is not None and self.render_pass is not None:
@@ -102,6 +106,13 @@ class LoadOptions:
             _is_finite(self.texture_memory) and self.texture_memory > 0
         ):
             raise UsageError(f"texture_memory must be positive, not {self.texture_memory}")
+
+
+def check_choice(name: str, value: object, known: tuple[str | None, ...]) -> None:
+    """Raise ValueError for what is none of the known values."""
+    if value not in known:
+        choices = ", ".join(choice for choice in known if choice is not None)
+        raise UsageError(f"{name} must be one of {choices}, not {value!r}")
 
 
 def check_data_window(name: str, window: tuple[float, ...]) -> None:

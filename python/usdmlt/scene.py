@@ -246,8 +246,10 @@ class Mesh:
     :attr:`Scene.materials`, or (m,) int32, one per triangle; ``transform`` local to world, or to
     the prototype's space. ``motion``: while the shutter is open, at further equidistant times, the
     last when it closes; the mesh itself is as it is when the shutter opens. Points and normals
-    move linearly in between. ``collections``: names of those that it is in, for lights that are
-    linked to one; ``light_link``: the one that its own emission is linked to, as of lights.
+    move linearly in between. ``double_sided``: else it is there for what sees its front alone:
+    looked at from behind it is not there, nor are its shadow, its reflection and its glow.
+    ``collections``: names of those that it is in, for lights that are linked to one;
+    ``light_link``: the one that its own emission is linked to, as of lights.
     """
 
     points: np.ndarray
@@ -258,6 +260,7 @@ class Mesh:
     transform: np.ndarray = field(default_factory=identity)
     name: str = ""
     motion: list[MeshStep] = field(default_factory=list)
+    double_sided: bool = True
     collections: frozenset[str] = frozenset()
     light_link: str | None = None
 

@@ -138,6 +138,7 @@ def test_an_attribute_is_set(call: Call) -> None:
         (["--crop", 0, 0, 0, 1], 2, "crop must have xmin < xmax"),
         (["--crop", 0, 0, 1], 2, "expected 4 arguments"),
         (["--complexity", "extreme"], 2, "argument --complexity/-c: invalid choice"),
+        (["--double-sided", "off"], 2, "argument --double-sided: invalid choice"),
         (["--resolver", "leaf"], 2, "argument --resolver: invalid choice"),
         (["--texture-memory", 0], 2, "texture_memory must be positive"),
         (["--search-path", "none"], 1, "none: no such folder to search"),
@@ -322,6 +323,15 @@ def test_complexity_is_how_finely_surfaces_are_subdivided(call: Call) -> None:
 """)
     counts = [inspected(call, "-c", level)["triangles"] for level in ("low", "medium", "veryhigh")]
     assert counts == sorted(counts) and len(set(counts)) == 3
+
+
+def test_sides_count_where_that_is_asked_for(call: Call) -> None:
+    """The camera is inside of a cube without doubleSided."""
+    flags = ("--set", "/cube.size=20")
+    assert call("render", "s.usda", "on.exr", *QUICK, *flags)[0] == 0
+    assert call("render", "s.usda", "auto.exr", *QUICK, *flags, "--double-sided", "auto")[0] == 0
+    assert (read_image("on.exr")["alpha"] == 1).all()
+    assert read_image("auto.exr")["alpha"].mean() < 0.5
 
 
 def test_models_are_drawn_as_they_ask_for_or_not(call: Call) -> None:

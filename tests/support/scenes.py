@@ -494,5 +494,38 @@ def linked_lights() -> s.Scene:
     )  # fmt: skip
 
 
+@scene
+def one_sided() -> s.Scene:
+    """Surfaces that are there for what sees their front: a room with all its walls, looked into
+    from outside; open boxes, a lamp, a leaf and a veil that are turned either way, and mirrored."""
+    back = quad((1, -1, 1), (-2, 0, 0), (0, 2, 0))  # the wall at +z, which faces inwards
+    cup = box((-0.25, -1, -0.25), (0.25, -0.4, 0.25), 1, transform=translate(-0.45, 0, 0.2))
+    cup.triangles = cup.triangles[:, ::-1]
+    leaf = quad((0.2, -0.6, 0.1), (0.5, 0, 0.2), (0, 0.7, 0.1), 3)
+    mirrored = quad((0.2, -0.2, -0.3), (0.6, 0, 0.2), (0, 0.6, 0), 1, transform=scale(-1, 1, 1))
+    lamp = quad((-0.9, 0.3, -0.5), (0.5, 0, 0), (0, 0.2, 0.6), 4)
+    veil = quad((0.1, -0.4, 0.6), (0.7, 0, 0), (0, 0.8, 0.1), 5)
+    meshes = [*room((1, 2)), back, cup, leaf, mirrored, lamp, veil]
+    tile = s.Prototype([quad((-0.2, 0, -0.2), (0.4, 0, 0), (0, 0, 0.4), 2)])
+    placements = [scale(-1, 1, 1) @ translate(0.6, 0.5, -0.2), translate(0.1, 0.6, 0.3)]
+    for shape in (*meshes, *tile.meshes):
+        shape.double_sided = False
+    return picture_of(
+        ROOM_CAMERA,
+        meshes=meshes,
+        prototypes=[tile],
+        instances=[s.Instances(0, np.array(placements))],
+        materials=[
+            WHITE,
+            RED,
+            GREEN,
+            s.Material(s.Add(s.Diffuse((0.1, 0.4, 0.1)), s.Translucent((0.2, 0.5, 0.1)))),
+            s.Material(s.Add(s.Diffuse((0.5, 0.5, 0.5)), s.UniformEmission((4, 3, 2)))),
+            s.Material(s.Diffuse((0.6, 0.6, 0.6)), opacity=0.5),
+        ],
+        lights=[ceiling_light(), s.SphereLight((9, 9, 12), 0.5, translate(0.5, -0.3, 2.6))],
+    )
+
+
 def build(name: str) -> s.Scene:
     return SCENES[name]()

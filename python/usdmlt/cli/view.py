@@ -6,7 +6,7 @@ import argparse
 from typing import Any, get_args
 
 from usdmlt.errors import UsageError
-from usdmlt.options import Complexity, ResolverContext
+from usdmlt.options import Complexity, DoubleSided, ResolverContext
 from usdmlt.settings import check_resolution
 
 
@@ -52,6 +52,12 @@ def add_view_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
         "-c",
         choices=get_args(Complexity),
         help="how finely curved surfaces are subdivided (default: as finely as the picture shows)",
+    )
+    view.add_argument(
+        "--double-sided",
+        choices=get_args(DoubleSided),
+        help="auto: surfaces without doubleSided are seen, and shade, from their front alone "
+        "(default: what usdmlt:doubleSided of the render settings says, else on)",
     )
     settings = view.add_mutually_exclusive_group()
     settings.add_argument(
@@ -156,6 +162,7 @@ def load_options(arguments: argparse.Namespace) -> dict[str, Any]:
         "crop": None if arguments.crop is None else tuple(arguments.crop),
         "purposes": _split(arguments.purposes),
         "complexity": arguments.complexity,
+        "double_sided": arguments.double_sided,
         "render_settings": arguments.renderSettingsPrimPath,
         "render_pass": arguments.renderPassPrimPath,
         "draw_modes": not arguments.disableDrawMode,

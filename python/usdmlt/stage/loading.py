@@ -32,6 +32,7 @@ from usdmlt.stage.networks import Networks
 from usdmlt.stage.opening import open_stage, time_code, usd_diagnostics
 from usdmlt.stage.render_passes import PassVisibility
 from usdmlt.stage.render_settings import Product, RenderSettings, read_render_settings
+from usdmlt.stage.sides import apply_sides
 from usdmlt.stage.skinning import Skinning
 from usdmlt.stage.texture_memory import limit_textures
 from usdmlt.stage.textures import Textures
@@ -47,8 +48,8 @@ def load(stage: Usd.Stage | str | os.PathLike[str], **options: Any) -> Scene:
     ``stage``: an open stage, which is not changed, or the path of a file. ``options``: the fields
     of :class:`usdmlt.options.LoadOptions`: camera, frame, width, height, crop, purposes, mask,
     session_layer, variants, overrides, render_settings, render_pass, product, complexity,
-    draw_modes, default_light, domes_visible, texture_memory, search_paths, resolver, color_space
-    and strict.
+    double_sided, draw_modes, default_light, domes_visible, texture_memory, search_paths, resolver,
+    color_space and strict.
 
     Content that is not supported is left out, with one warning per kind on the ``usdmlt`` logger;
     with ``strict`` it raises instead. Raises :class:`usdmlt.Error`, with the prim path or the file,
@@ -179,6 +180,8 @@ def _read_content(
     )
     for group in groups:
         group.scene_meshes = geometry.read(group)
+        if (options.double_sided or settings.loading.get("double_sided")) == "auto":
+            apply_sides(group, materials.materials)
         mesh_lights.apply(group)
         group.scene_lights = [lights.read(p.prim, p.kind, p.matrix) for p in group.lights]
         links.apply(group)

@@ -56,6 +56,7 @@ class RenderSettings:
     product: str | None = None  # the one whose opinions count
     render_pass: Usd.Prim | None = None
     usdmlt: dict[str, Any] = field(default_factory=dict)  # fields of usdmlt.Settings
+    loading: dict[str, Any] = field(default_factory=dict)  # fields of LoadOptions
 
 
 def read_render_settings(
@@ -94,7 +95,7 @@ def read_render_settings(
             report.warn("of several material purposes the first and all-purpose count", result.path)
     space = settings.GetRenderingColorSpaceAttr().Get(time)
     result.color_space = str(space) if space else None
-    result.usdmlt = read_usdmlt_settings(prim, time, report)
+    result.usdmlt, result.loading = read_usdmlt_settings(prim, time, report)
     if product:
         _warn_of_vars(UsdRender.Product(product), time, report)
     return result

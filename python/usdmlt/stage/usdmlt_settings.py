@@ -12,6 +12,7 @@ from typing import Any
 from pxr import Usd
 
 from usdmlt.errors import Error, Report, UsageError
+from usdmlt.options import LoadOptions
 from usdmlt.settings import MUTATIONS, Settings
 
 NAMESPACE = "usdmlt"
@@ -30,24 +31,32 @@ FIELDS: dict[str, tuple[str, type]] = {
     "selective": ("selective", bool),
     "twoStage": ("two_stage", bool),
 }
+# The same of usdmlt.options.LoadOptions.
+LOAD_FIELDS: dict[str, tuple[str, type]] = {"doubleSided": ("double_sided", str)}
 
 
-def read_usdmlt_settings(prim: Usd.Prim, time: Usd.TimeCode, report: Report) -> dict[str, Any]:
-    """The fields of :class:`usdmlt.Settings` that a prim has authored.
+def read_usdmlt_settings(
+    prim: Usd.Prim, time: Usd.TimeCode, report: Report
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The fields of :class:`usdmlt.Settings` and those of LoadOptions that a prim has authored.
 
     Raises :class:`Error` with the prim for values out of range; names that are none of ours are
     a warning.
     """
     try:
-        found = _authored(prim, time, report)
+        found, of_loading = _authored(prim, time, report)
         Settings(**found)
+        LoadOptions(**of_loading)
     except UsageError as error:
         raise Error(f"{prim.GetPath()}: {error}") from None
-    return found
+    return found, of_loading
 
 
-def _authored(prim: Usd.Prim, time: Usd.TimeCode, report: Report) -> dict[str, Any]:
+def _authored(
+    prim: Usd.Prim, time: Usd.TimeCode, report: Report
+) -> tuple[dict[str, Any], dict[str, Any]]:
     found: dict[str, Any] = {}
+    of_loading: dict[str, Any] = {}
     weights: dict[str, float] = {}
     for attribute in prim.GetAuthoredPropertiesInNamespace(NAMESPACE):
         name = attribute.GetName().partition(":")[2]
@@ -58,13 +67,16 @@ def _authored(prim: Usd.Prim, time: Usd.TimeCode, report: Report) -> dict[str, A
         if name in FIELDS:
             field, kind = FIELDS[name]
             found[field] = _typed(name, value, kind)
+        elif name in LOAD_FIELDS:
+            field, kind = LOAD_FIELDS[name]
+            of_loading[field] = _typed(name, value, kind)
         elif head == WEIGHTS and mutation in MUTATIONS:
             weights[mutation] = _typed(name, value, float)
         else:
             report.warn("unknown usdmlt: attributes are ignored", attribute.GetPath())
     if weights:
         found["mutation_weights"] = weights
-    return found
+    return found, of_loading
 
 
 def _typed(name: str, value: object, kind: type) -> Any:
