@@ -313,6 +313,28 @@ def test_what_usd_did_is_traced(call: Call, form: str) -> None:
     assert (form == "chrome") == text.lstrip().startswith("{")
 
 
+def test_memory_is_told(call: Call) -> None:
+    """4 points of 12 bytes, 2 triangles of 12, and the transform; what is shared counts once."""
+    from usdmlt import scene as s
+    from usdmlt.cli.memory import array_bytes, peak_memory
+
+    quad = s.Mesh(np.zeros((4, 3), np.float32), np.zeros((2, 3), np.int32))
+    matrix = quad.transform.nbytes
+    assert array_bytes([quad, quad]) == 4 * 12 + 2 * 12 + matrix
+    pixels = np.zeros((2**9, 2**9, 4), np.uint8)
+    textures = [s.Texture(pixels), s.Texture(pixels, "clamp")]
+    assert array_bytes(textures) == 2**20
+
+    quick = [flag for flag in QUICK if flag != "-q"]
+    status, _, told = call("render", "s.usda", "a.exr", *quick, "--memstats")
+    assert status == 0
+    (line,) = [line for line in told.splitlines() if line.startswith("memory: ")]
+    names = [part.split()[0] for part in line.removeprefix("memory: ").split(", ")]
+    assert names == ["geometry", "instances", "textures"]
+    peak = float(line.split()[-2]) * 2**20
+    assert 0.5 * peak_memory() < peak <= 1.001 * peak_memory()
+
+
 def test_complexity_is_how_finely_surfaces_are_subdivided(call: Call) -> None:
     with open("s.usda", "a") as stage:
         stage.write("""def Mesh "m" {

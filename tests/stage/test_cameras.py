@@ -355,3 +355,15 @@ def test_either_camera_of_a_stereo_pair_is_rendered_by_name(read):
     assert left.window[:2] == pytest.approx((-0.9, 1.1))
     assert right.window[:2] == pytest.approx((-1.1, 0.9))
     assert right.transform[3, 0] - left.transform[3, 0] == pytest.approx(0.06)
+
+
+@pytest.mark.parametrize(
+    ("visibility", "expected"), [("solo", ["/c (sky)"]), ("mute", []), (None, ["/c (sky)"])]
+)
+def test_back_plates_are_warned_of(examine, visibility, expected):
+    """Of the camera that is rendered."""
+    authored = f'token backPlate:sky:plateVisibility = "{visibility}"' if visibility else ""
+    plate = '(prepend apiSchemas = ["BackPlateAPI:sky"])'
+    body = f'def Camera "c" {plate} {{ {authored} }} def Camera "other" {plate} {{}}'
+    found = examine(body, camera="/c").warnings
+    assert [path for w in found if "back plates" in w.kind for path in w.paths] == expected

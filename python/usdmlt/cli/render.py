@@ -153,6 +153,11 @@ def add_parser(subparsers: Any) -> None:
         help="write the statistics there; with --frames its name holds a placeholder",
     )
     add_tracing_flags(report)
+    report.add_argument(
+        "--memstats",
+        action="store_true",
+        help="print what memory the scene's arrays take, and the most that the process has had",
+    )
     add_verbosity(report)
     usdrecord = parser.add_argument_group("of usdrecord, without effect here")
     usdrecord.add_argument("--disableGpu", action="store_true", help="no GPU is ever used")
@@ -313,6 +318,10 @@ def _render(
             if job.stats:
                 files.write_text(job.stats, json.dumps(image.stats, indent=2) + "\n")
             logger.info("%s", _outcome(job.output, rendering, image.stats))
+            if arguments.memstats:
+                from usdmlt.cli.memory import memory_report
+
+                logger.info("%s", memory_report(scene))
     return 0 if interruption.signal is None else 128 + interruption.signal
 
 

@@ -125,6 +125,7 @@ def read_camera(
     if not (math.isfinite(near) and far > near):
         report.warn("clipping ranges that are empty are ignored", path)
         near, far = 0.0, math.inf
+    _warn_of_back_plates(camera, report)
     poses = [rigid(transform)]
     if shutter is not None and shutter.opens:
         poses = _poses(camera, shutter) or poses
@@ -153,6 +154,16 @@ def _poses(camera: UsdGeom.Camera, shutter: Shutter) -> list[np.ndarray]:
     poses = np.array([rigid(transform) for transform in transforms])
     count = fewest_steps(poses)
     return list(every(poses, count)) if count else []
+
+
+def _warn_of_back_plates(camera: UsdGeom.Camera, report: Report) -> None:
+    """Of the plates that the camera would see. USD before 26 does not know their schema."""
+    prim = camera.GetPrim()
+    for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+        name, _, plate = schema.partition(":")
+        visibility = prim.GetAttribute(f"backPlate:{plate}:plateVisibility")
+        if name == "BackPlateAPI" and not (visibility and visibility.Get() == "mute"):
+            report.warn("back plates of cameras are not rendered", f"{prim.GetPath()} ({plate})")
 
 
 def _clipping_planes(camera: UsdGeom.Camera, time: Usd.TimeCode) -> np.ndarray:
