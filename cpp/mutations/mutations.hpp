@@ -24,10 +24,9 @@ template <typename F, size_t... I>
 auto visit_mutation(int index, F&& f, std::index_sequence<I...>) {
     using Result = decltype(f.template operator()<NewPath>());
     Result result{};
-    ((index == static_cast<int>(I)
-          ? (result = f.template operator()<std::tuple_element_t<I, Mutations>>(), true)
-          : false) ||
-     ...);
+    (void)((index == static_cast<int>(I) &&
+            (result = f.template operator()<std::tuple_element_t<I, Mutations>>(), true)) ||
+           ...);
     return result;
 }
 template <typename F>

@@ -13,6 +13,7 @@ from usdmlt.interruption import Interruption
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_a_signal_is_noted_and_the_handler_comes_back() -> None:
     before = signal.getsignal(signal.SIGINT)
     with Interruption(signal.SIGINT) as interruption:

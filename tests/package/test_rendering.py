@@ -77,6 +77,7 @@ def test_an_image_of_no_pixels_is_a_value_error(stage: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+@pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_raises_with_the_picture_so_far(stage: Path) -> None:
     timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
     handler = signal.getsignal(signal.SIGINT)
