@@ -55,6 +55,9 @@ ENOUGH = 64  # sets of signs that reach S, after which p is told from those that
 CHANNELS = ("luminance", "red-green", "blue-yellow", "alpha")
 PATTERNS = ("brightness", "gamma", "shift x", "shift y")
 POWER = 1.28  # standard normal quantile of 0.9
+# Products of matrices that OpenBLAS leaves to one thread: by more, these small ones take longer.
+PRODUCTS = 1 << 18
+ROWS = 32
 
 
 @dataclass(frozen=True)
@@ -349,10 +352,16 @@ def _signs(batches: int) -> Iterator[Array]:
 def _largest(cells: list[tuple[Part, Array]], signs: Array) -> Array:
     """S by set of signs, of some cells of each part."""
     scores = np.full(len(signs), -np.inf)
+    columns = max(PRODUCTS // (ROWS * signs.shape[1]), 1)
     for part, x in cells:
-        for start in range(0, x.shape[1], 8192):
-            t = signs @ x[:, start : start + 8192]
-            largest = np.maximum(t.max(axis=1), -t.min(axis=1))
+        largest = np.zeros(len(signs))
+        for i in range(0, x.shape[1], columns):
+            block = np.ascontiguousarray(x[:, i : i + columns])
+            for j in range(0, len(signs), ROWS):
+                t = signs[j : j + ROWS] @ block
+                np.maximum(largest[j : j + ROWS], t.max(axis=1), out=largest[j : j + ROWS])
+                np.maximum(largest[j : j + ROWS], -t.min(axis=1), out=largest[j : j + ROWS])
+        if x.shape[1]:
             scores = np.maximum(scores, part.scores(largest))
     return scores
 
