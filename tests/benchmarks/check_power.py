@@ -13,9 +13,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
-from pxr import Usd
+from pxr import Gf, Usd, UsdGeom, UsdShade
 
 from usdmlt import color
 from usdmlt.equal_time import no_warnings
@@ -51,13 +52,51 @@ def without(path: str) -> Change:
     return lambda stage: stage.GetPrimAtPath(path).SetActive(False)
 
 
-def colour_of_a_patch(pictures: np.ndarray) -> np.ndarray:
-    """Ten per cent more red in half a per cent of the pixels."""
-    out = pictures.copy()
-    side = round(np.sqrt(0.005 * out.shape[1] * out.shape[2]))
-    y, x = out.shape[1] * 2 // 3, out.shape[2] // 2
-    out[:, y : y + side, x : x + side, 0] *= 1.1
-    return out
+def swung(path: str, degrees: float) -> Change:
+    """A lamp to the side, about where it points to on the table at y = 0."""
+
+    def change(stage: Usd.Stage) -> None:
+        lamp = UsdGeom.Xformable(stage.GetPrimAtPath(path))
+        matrix = lamp.GetLocalTransformation()
+        place, towards = matrix.ExtractTranslation(), matrix.TransformDir(Gf.Vec3d(0, 0, -1))
+        pivot = place - towards * (place[1] / towards[1])
+        turn = Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d(0, 1, 0), degrees))
+        about = Gf.Matrix4d().SetTranslate(-pivot) * turn * Gf.Matrix4d().SetTranslate(pivot)
+        lamp.MakeMatrixXform().Set(matrix * about)
+
+    return change
+
+
+def ball(radius: float, x: float, y: float, z: float) -> Change:
+    """A grey ball more."""
+
+    def change(stage: Usd.Stage) -> None:
+        material = stage.DefinePrim("/World/Materials/Ball")
+        material.GetReferences().AddInternalReference("/World/Materials/White")
+        coloured("Ball", 0.5, 0.5, 0.5)(stage)
+        sphere = UsdGeom.Sphere.Define(stage, "/World/Ball")
+        sphere.CreateRadiusAttr(radius)
+        sphere.AddTranslateOp().Set(Gf.Vec3d(x, y, z))
+        UsdShade.MaterialBindingAPI.Apply(sphere.GetPrim()).Bind(UsdShade.Material(material))
+
+    return change
+
+
+def coloured(material: str, *colour: float) -> Change:
+    """A diffuse material of another colour."""
+    name = f"/World/Materials/{material}/diffuse.inputs:color"
+    return lambda stage: stage.GetAttributeAtPath(name).Set(Gf.Vec3f(*colour))
+
+
+def camera_shifted(pixels: float) -> Change:
+    """The picture further to the right by so much, of 128 pixels."""
+
+    def change(stage: Usd.Stage) -> None:
+        camera = UsdGeom.Camera(stage.GetPrimAtPath("/World/main_cam"))
+        pixel = camera.GetHorizontalApertureAttr().Get() / WIDTH
+        camera.GetHorizontalApertureOffsetAttr().Set(-pixels * pixel)
+
+    return change
 
 
 def gamma(pictures: np.ndarray) -> np.ndarray:
@@ -67,40 +106,42 @@ def gamma(pictures: np.ndarray) -> np.ndarray:
     return np.concatenate([pictures[..., :3] * factor, pictures[..., 3:]], axis=-1)
 
 
-def half_a_pixel(pictures: np.ndarray) -> np.ndarray:
-    """To the right."""
-    return (pictures + np.roll(pictures, 1, axis=2)) / 2
+class Case(NamedTuple):
+    """A scene, how its stage differs from the reference's, and how its picture does besides."""
+
+    scene: str
+    change: Change | None = None
+    edit: Callable[[np.ndarray], np.ndarray] | None = None
+    both: Change | None = None  # of both stages
 
 
-def moved_caustic(pictures: np.ndarray) -> np.ndarray:
-    """The middle of the floor, two pixels to the right."""
-    out = pictures.copy()
-    rows, columns = out.shape[1:3]
-    place = np.s_[:, rows // 2 : rows, columns // 4 : 3 * columns // 4]
-    out[place] = np.roll(pictures, 2, axis=2)[place]
-    return out
-
-
-# Name: scene, change of the stage, change of the batches.
-CHANGES = {
-    "nothing": ("cornell_box", None, None),
-    "lights 1 % brighter": ("cornell_box", lights(1.01), None),
-    "red +10 % in 0.5 % of pixels": ("cornell_box", None, colour_of_a_patch),
-    "caustic moved by 2 pixels": ("caustics", None, moved_caustic),
-    "a block is missing, and its shadow": ("cornell_box", without("/World/ShortBlock"), None),
-    "gamma 1.02": ("cornell_box", None, gamma),
-    "shift by half a pixel": ("cornell_box", None, half_a_pixel),
+REDDER = coloured("Ball", 0.55, 0.5, 0.5)
+# Either ball has half a per cent of the pixels.
+CASES = {
+    "nothing": Case("cornell_box"),
+    "lights 1 % brighter": Case("cornell_box", lights(1.01)),
+    "a ball in the light: red +10 %": Case("cornell_box", REDDER, both=ball(33, 368, 363.5, 351)),
+    "a ball in the shade: red +10 %": Case("cornell_box", REDDER, both=ball(27.5, 350, 28, 150)),
+    "a lamp swung, its caustics by 2 pixels": Case("caustics", swung("/World/Lights/Lamp", 10)),
+    "a block is missing, and its shadow": Case("cornell_box", without("/World/ShortBlock")),
+    "gamma 1.02": Case("cornell_box", edit=gamma),
+    "camera shifted by half a pixel": Case("cornell_box", camera_shifted(0.5)),
 }
 
 
-def pictures(name: str, change: Change | None, stream: int) -> np.ndarray:
-    """Batches of a scene, changed in the session layer."""
-    stage = Usd.Stage.Open(str(SCENES / f"{name}.usda"))
+def pictures(
+    case: Case, stream: int, *, changed: bool, width: int = WIDTH, **options: Any
+) -> np.ndarray:
+    """Batches of a case, its stage edited in the session layer."""
+    stage = Usd.Stage.Open(str(SCENES / f"{case.scene}.usda"))
     stage.SetEditTarget(stage.GetSessionLayer())
-    if change is not None:
-        change(stage)
-    scene = load(stage, width=WIDTH)
-    return render_batches(scene, integrator="path", samples=SAMPLES, stream=stream).pictures
+    for change in (case.both, case.change if changed else None):
+        if change is not None:
+            change(stage)
+    scene = load(stage, width=width)
+    options = {"integrator": "path", "samples": SAMPLES} | options
+    batches = render_batches(scene, stream=stream, **options).pictures
+    return batches if case.edit is None or not changed else case.edit(batches).astype(np.float32)
 
 
 def view(batches: np.ndarray) -> np.ndarray:
@@ -112,20 +153,19 @@ def main() -> None:
     """Print the table."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     print(f"{count} pairs of {WIDTH} pixels across, {SAMPLES} samples per pixel, by path tracing")
-    print(f"{'':<32}{'test':>8}" + "".join(f"{name:>10}" for name in IDIFF), flush=True)
+    print(f"{'':<42}{'test':>8}" + "".join(f"{name:>10}" for name in IDIFF), flush=True)
     with no_warnings():
-        for name, (scene, change, edit) in CHANGES.items():
+        for name, case in CASES.items():
             found = dict.fromkeys(("test", *IDIFF), 0)
             for pair in range(count):
-                a = pictures(scene, None, 2 * pair)
-                b = pictures(scene, change, 2 * pair + 1)
-                b = b if edit is None else edit(b).astype(np.float32)
+                a = pictures(case, 2 * pair, changed=False)
+                b = pictures(case, 2 * pair + 1, changed=True)
                 found["test"] += compare_batches(a, b).different
                 for tool, limits in IDIFF.items():
                     seen = difference(view(b), view(a), limits.fail)
                     found[tool] += seen.exceeds(limits)
             rates = [f"{n / count:.0%}" for n in found.values()]
-            print(f"{name:<32}{rates[0]:>8}" + "".join(f"{r:>10}" for r in rates[1:]), flush=True)
+            print(f"{name:<42}{rates[0]:>8}" + "".join(f"{r:>10}" for r in rates[1:]), flush=True)
 
 
 if __name__ == "__main__":

@@ -29,8 +29,9 @@ def noisy(rng: np.random.Generator, picture: np.ndarray, kind: str = "gamma") ->
     size = (K, *SHAPE, 1)
     if kind == "gamma":
         factor = rng.gamma(4, 1 / 4, size)
-    elif kind == "fireflies":  # a thousandth of the values has half of the light
-        factor = 0.5 * rng.gamma(4, 1 / 4, size) + 500 * (rng.random(size) < 0.001)
+    elif kind == "fireflies":  # a thousandth of the values has half of the light, of any colour
+        hue = np.concatenate([rng.dirichlet([1, 1, 1], size[:3]) * 3, np.ones(size)], axis=-1)
+        factor = 0.5 * rng.gamma(4, 1 / 4, size) + 500 * hue * (rng.random(size) < 0.001)
     elif kind == "common":  # one factor for the whole batch, as from a bootstrap
         factor = rng.gamma(50, 1 / 50, (K, 1, 1, 1)) * rng.gamma(4, 1 / 4, size)
     else:  # Cauchy: without even a mean
@@ -95,6 +96,15 @@ def test_a_change_is_seen_and_its_absence_is_not(change: str) -> None:
     changed = np.broadcast_to(CHANGES[change](scene()), (*SHAPE, 4))
     assert compare_batches(noisy(rng, scene()), noisy(rng, changed)).different
     assert not compare_batches(noisy(rng, changed), noisy(rng, changed)).different
+
+
+def test_a_change_of_colour_less_than_the_noise_of_brightness_is_seen() -> None:
+    """Noise leaves the brightness of a block uncertain by a hundredth; two more of red are seen."""
+    rng = np.random.default_rng(8)
+    changed = scene()
+    changed[8:16, 16:24, 0] *= 1.02
+    first = compare_batches(noisy(rng, scene()), noisy(rng, changed)).findings[0]
+    assert (first.what, first.size, first.x, first.y) == ("red", 8, 16, 8)
 
 
 def test_a_finding_says_where_and_how_much() -> None:

@@ -15,8 +15,10 @@ All sets of signs are too many, so a fixed random choice of
 large enough for that value to be reached by changes that some of the batches miss.
 
 S is the largest of many scores: of every cell of a pyramid, from blocks of few pixels to the whole
-picture, in luminance, two differences of colours, and alpha; and of four patterns that mistakes
-make: brightness, gamma, and a shift to the side or upwards. A cell's
+picture, in luminance, red, green, blue and alpha; and of four patterns that mistakes make:
+brightness, gamma, and a shift to the side or upwards. Noise is mostly of brightness, and small
+changes of colour would drown in it. So red is what is left of it when the regression on green and
+blue, over the sums a_k + b_k, is taken away; green and blue likewise. A cell's
 
     t = sum_k e_k d_k / sqrt(K s^2),    score = nu/2 log(1 + t^2/nu) - log(cells of its level),
 
@@ -52,9 +54,13 @@ TOLERANCE = 1e-4
 FAINT = 1e-3  # of the picture's mean: the brightness of black, as far as the tolerance goes
 MOST_SIGNS = 1 << 16
 ENOUGH = 64  # sets of signs that reach S, after which p is told from those that were tried
-CHANNELS = ("luminance", "red-green", "blue-yellow", "alpha")
+CHANNELS = ("luminance", "red", "green", "blue", "alpha")
 PATTERNS = ("brightness", "gamma", "shift x", "shift y")
 POWER = 1.28  # standard normal quantile of 0.9
+# The least share of a colour's variance that the others do not explain. Without it, one firefly in
+# each picture decides about the regression of their cell, which then calls their hues significant.
+UNSHARED = 0.04
+RIDGE = 0.005  # of that regression, likewise
 # Products of matrices that OpenBLAS leaves to one thread: by more, these small ones take longer.
 PRODUCTS = 1 << 18
 ROWS = 32
@@ -199,14 +205,13 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 def _parts(a: Array, b: Array, cell: int, tolerance: float, clipped: bool) -> Iterator[Part]:
     """The pyramid's levels and the patterns."""
-    a, b = _opponent(a), _opponent(b)
-    faint = FAINT * max(float(np.mean(a[..., 0] + b[..., 0])) / 2, 1e-30)
+    faint = FAINT * max(float(np.mean((a + b)[..., :3] @ LUMINANCE)) / 2, 1e-30)
     finest = None
     size = cell
     while True:
         difference, variance, brightness = _moments(a, b, tolerance, faint)
         if finest is None:
-            finest = difference, a + b, variance
+            finest = difference[..., 0], (a + b)[..., :3] @ LUMINANCE, variance[..., 0]
         yield Part(
             f"{size} px",
             size,
@@ -223,10 +228,24 @@ def _parts(a: Array, b: Array, cell: int, tolerance: float, clipped: bool) -> It
     yield _patterns(*finest, cell, clipped)
 
 
-def _opponent(x: Array) -> Array:
-    """Luminance, two differences of colours, in which most noise cancels, and alpha."""
-    r, g, b = x[..., 0], x[..., 1], x[..., 2]
-    return np.stack([x[..., :3] @ LUMINANCE, r - g, b - (r + g) / 2, x[..., 3]], axis=-1)
+def _projection(total: Array) -> Array:
+    """(rows, columns, 4, 5) from RGBA to CHANNELS, of the sums of both pictures (K, …, 4).
+
+    Least squares of one colour on the others leaves sum_j P_ij x_j / P_ii, P the inverse of their
+    covariance.
+    """
+    rgb = total[..., :3] - total[..., :3].mean(axis=0)
+    spread = np.sqrt((rgb * rgb).sum(axis=0))
+    spread[spread == 0] = 1
+    rgb /= spread
+    covariance = np.stack([(rgb * rgb[..., c : c + 1]).sum(axis=0) for c in range(3)], axis=-1)
+    inverse = np.linalg.inv(local_mean(covariance) + RIDGE * np.eye(3))
+    inverse /= np.diagonal(inverse, axis1=-2, axis2=-1)[..., None]
+    out = np.zeros((*spread.shape[:2], 4, 5))
+    out[..., :3, 0] = LUMINANCE
+    out[..., :3, 1:4] = np.swapaxes(inverse * spread[..., :, None] / spread[..., None, :], -1, -2)
+    out[..., 3, 4] = 1
+    return out
 
 
 def halved(x: Array, sums: bool = False) -> Array:
@@ -247,29 +266,41 @@ def halved(x: Array, sums: bool = False) -> Array:
 
 
 def _moments(a: Array, b: Array, tolerance: float, faint: float) -> tuple[Array, ...]:
-    """Differences beyond the tolerance, their variance, and brightness by cell."""
-    mean = (a + b).mean(axis=0) / 2
-    brightness = np.abs(mean[..., :1]) + faint
-    allowed = tolerance * np.concatenate(
-        [np.repeat(brightness, 3, axis=-1), np.ones_like(brightness)], axis=-1
-    )
-    # Nor of the batches' own, which may be brighter.
-    own = tolerance * (np.abs(a[..., :1]) + np.abs(b[..., :1])) / 2
-    difference = b - a
-    difference = difference - np.clip(difference, -allowed - own, allowed + own)
-    own = (a + b).var(axis=0, ddof=1)
+    """By cell and of CHANNELS: differences beyond the tolerance, their variance; brightness."""
+    projection = _projection(a + b)
+    total, difference = (np.einsum("kyxc,yxcd->kyxd", x, projection) for x in (a + b, b - a))
+    mean = np.abs(a + b).mean(axis=0) / 2
+    brightness = (mean[..., :3] @ LUMINANCE)[..., None] + faint
+    # Of the mean, and of the batches' own values, which may be brighter.
+    size = np.abs(projection)
+    allowed = np.einsum("yxc,yxcd->yxd", mean, size)
+    allowed[..., :4] += faint
+    allowed[..., 4] = 1
+    own = np.einsum("kyxc,yxcd->kyxd", (np.abs(a) + np.abs(b)) / 2, size)
+    own[..., 4] = 0
+    allowed *= tolerance
+    own = tolerance * own + allowed
+    difference -= np.clip(difference, -own, own)
+    own = total.var(axis=0, ddof=1)
+    own[..., 1:4] = np.maximum(own[..., 1:4], UNSHARED * (a + b)[..., :3].var(axis=0, ddof=1))
     variance = np.maximum(own, (own + local_median(own)) / 2) + allowed**2
     return difference, variance, brightness
 
 
 def local_median(x: Array) -> Array:
-    """Of 3x3 cells, of which those at the edges count more."""
-    if min(x.shape[:2]) < 3:
-        return x
-    padded = np.pad(x, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    """Of 3x3 cells, of which those at the edges count more; of few cells none but their own."""
+    return x if min(x.shape[:2]) < 3 else np.asarray(np.median(_around(x), axis=0))
+
+
+def local_mean(x: Array) -> Array:
+    """Of 3x3 cells, likewise."""
+    return x if min(x.shape[:2]) < 3 else np.asarray(np.mean(_around(x), axis=0))
+
+
+def _around(x: Array) -> list[Array]:
+    padded = np.pad(x, [(1, 1), (1, 1)] + [(0, 0)] * (x.ndim - 2), mode="edge")
     rows, columns = x.shape[:2]
-    around = [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
-    return np.asarray(np.median(around, axis=0))
+    return [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
 
 
 def _normalised(difference: Array, variance: Array) -> Array:
@@ -280,11 +311,11 @@ def _normalised(difference: Array, variance: Array) -> Array:
 def _patterns(difference: Array, total: Array, variance: Array, cell: int, clipped: bool) -> Part:
     """What mistakes make of the picture m: d = change * pattern, by weighted least squares.
 
-    brightness: m; gamma: m log(m / mean m), its exponent less 1; shifts: -dm/dx and -dm/dy, per
-    pixel, to the right and downwards.
+    Of luminance (K, rows, columns). brightness: m; gamma: m log(m / mean m), its exponent less 1;
+    shifts: -dm/dx and -dm/dy, per pixel, to the right and downwards.
     """
     count = len(difference)
-    m, v = total[..., 0].mean(axis=0) / 2, variance[..., 0]
+    m, v = total.mean(axis=0) / 2, variance
     level = max(float(m.mean()), 1e-30)
     gradients = [np.gradient(m, axis=i) / cell if m.shape[i] > 1 else 0 * m for i in (1, 0)]
     gamma = np.where(m > 0, m * np.log(np.maximum(m, 1e-30) / level), 0.0)
@@ -293,7 +324,7 @@ def _patterns(difference: Array, total: Array, variance: Array, cell: int, clipp
         # Not all weight on pixels without noise, such as lights that are seen directly.
         weight = pattern / (v + (0.05 * m) ** 2)
         weight /= float((weight * pattern).sum()) or 1.0
-        change, both = (np.tensordot(y[..., 0], weight, 2) for y in (difference, total))
+        change, both = (np.tensordot(y, weight, 2) for y in (difference, total))
         error = max(float(both.std(ddof=1)), 1e-9) / np.sqrt(count)
         x.append(change / (count * error))
         errors.append(error)
