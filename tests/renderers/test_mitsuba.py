@@ -2,8 +2,9 @@
 
 Someone else's code shares none of our mistakes. Welch's t-tests between independent seeds per
 pixel, per block of 4 × 4 pixels ("no structure in the difference") and of the mean, each at the
-significance 10⁻³, and the means are within 0.5 %. All of our integrators are compared: chains in
-the quick version where their light is Dirac's, infinite or through a lens.
+significance 10⁻³. The quick tests see a mean that is off by four standard errors of 0.35 %; the
+slow ones by four of 0.25 %, with the means within 0.5 %. All of our integrators are compared:
+chains in the quick tests where their light is Dirac's, infinite or through a lens.
 
 Geometry is flat-shaded: renderers differ on light at grazing angles to interpolated normals. GGX
 is compared where its masking matters little: Mitsuba takes Smith's for the two directions as
@@ -12,7 +13,7 @@ independent, we take it as correlated by height (Heitz 2014), which is brighter 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from support import scenes
 from support.rendering import ALL, BOTH, build, pictures
 from support.scenes import GREY, RED, WHITE, picture_of
 from support.shapes import box, facing, floor, perspective, quad, rotate, sphere, translate
-from support.statistics import agreement
+from support.statistics import Agreement, agreement
 from usdmlt import scene as s
 from usdmlt.testing import mitsuba as other
 
@@ -86,7 +87,7 @@ def rough_glass() -> s.Scene:
                 transform=rotate((1, 0, 0.3), 20) @ translate(0, 0.8, 0)),
         ],
         materials=[WHITE, material],
-        lights=[s.RectLight((4, 4, 4), 2.5, 2.5, facing((0.5, 3.4, -0.5), (0, 0, 0), (0, 0, 1)))],
+        lights=[s.RectLight((2, 2, 2), 4.0, 4.0, facing((0.5, 3.4, -0.5), (0, 0, 0), (0, 0, 1)))],
     )  # fmt: skip
 
 
@@ -168,7 +169,7 @@ def normal_map() -> s.Scene:
         meshes=[ground],
         materials=[s.Material(s.Diffuse((0.7, 0.7, 0.7)), normal=s.TextureInput(0))],
         textures=[s.Texture(n.astype(np.float32), "clamp", "clamp")],
-        lights=[s.SphereLight((9, 8, 7), 0.5, translate(1.0, 3, 0.5))],
+        lights=[s.SphereLight((9, 8, 7), 0.5, translate(1.0, 3.4, 0.5))],
     )
 
 
@@ -187,21 +188,21 @@ def compare(
     name: str,
     seeds: int,
     samples: int,
-    resolution: float,
+    mutations: int,
     integrators: tuple[str, ...] = ALL,
-) -> None:
+) -> Iterator[Agreement]:
+    """By integrator, of pictures with this many samples per pixel, or mutations by chains."""
     depth = 6
     scene = SCENES[name]()
     loaded = other.load(mi, scene, folder, depth, roulette_depth=1000)
     theirs = other.pictures(mi, loaded, seeds, 3 * samples)  # unstratified
     built = build(scene)
     for integrator in integrators:
-        work = 4 * samples if integrator == "mlt" else samples
+        work = mutations if integrator == "mlt" else samples
         ours = pictures(built, integrator, seeds, samples=work, depth=depth)
         got = agreement(ours, theirs, lumpy=integrator == "mlt")
         print(f"{name:16} {integrator:5} {got}")
-        got.require(resolution=resolution)
-        assert abs(got.difference) < 0.005
+        yield got
 
 
 BY_CHAINS = ("glass", "dome", "thin_lens")
@@ -210,10 +211,13 @@ BY_CHAINS = ("glass", "dome", "thin_lens")
 @pytest.mark.parametrize("name", SCENES)
 def test_agrees_with_mitsuba(mi, tmp_path, name: str) -> None:
     integrators = ALL if name in BY_CHAINS else BOTH
-    compare(mi, tmp_path, name, 24, 192, resolution=0.0035, integrators=integrators)
+    for got in compare(mi, tmp_path, name, 24, 48, 64, integrators):
+        got.require(resolution=0.0035, block_resolution=0.015)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_agrees_with_mitsuba_with_many_samples(mi, tmp_path, name: str) -> None:
-    compare(mi, tmp_path, name, seeds=48, samples=512, resolution=0.0025)
+    for got in compare(mi, tmp_path, name, 48, 512, 2048):
+        got.require(resolution=0.0025, block_resolution=0.005)
+        assert abs(got.difference) < 0.005
