@@ -170,31 +170,22 @@ def test_ini_options(project: pytest.Pytester) -> None:
 
 def test_workers_share_the_processors_and_the_report(project: pytest.Pytester) -> None:
     pytest.importorskip("xdist")
-    write(
-        project,
-        """
+    checks = """
+import os
 from usdmlt.settings import available_processors
 
 def test_box(assert_render, usd_render):
-    picture = usd_render(stage(), width=24, samples=24)
-    assert picture.stats["settings"]["threads"] == max(available_processors() // 2, 1)
+    picture = usd_render(stage(), **OPTIONS)
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        assert picture.stats["settings"]["threads"] == max(available_processors() // 2, 1)
     assert_render(picture)
 
 def test_two(assert_render):
-    assert_render(stage(), "two", width=24, samples=24)
-""",
-    )
-    run(project, "-n2", "--usdmlt-update").assert_outcomes(passed=2)
-    write(
-        project,
-        """
-def test_box(assert_render):
-    assert_render(stage(), width=24, depth=2)
-
-def test_two(assert_render):
-    assert_render(stage(), "two", width=24, depth=2)
-""",
-    )
+    assert_render(stage(), "two", **OPTIONS)
+"""
+    write(project, checks)
+    run(project, "--usdmlt-update").assert_outcomes(passed=2)
+    write(project, checks.replace("**OPTIONS", "depth=2, **OPTIONS"))
     run(project, "-n2", "--usdmlt-report", "out").assert_outcomes(failed=2)
     page = (project.path / "out" / "index.html").read_text()
     assert page.count("<section") == 2 and page.count("</html>") == 1
