@@ -155,10 +155,13 @@ def test_a_brightness_ratio_comes_with_its_error() -> None:
 def test_the_detectable_change_is_detected_nine_times_out_of_ten() -> None:
     """Binomial, 40 changes of the stated size: 27 or more with probability 1 - 1e-4."""
     rng = np.random.default_rng(4)
-    one = lambda factor=1.0: small(noisy(rng, scene() * ([factor] * 3 + [1])))  # noqa: E731
-    size = compare_batches(one(), one()).detectable
+    size = compare_batches(noisy(rng, scene()), noisy(rng, scene())).detectable
     assert 0.001 < size < 0.2
-    found = sum(compare_batches(one(), one(1 + size)).different for _ in range(40))
+    factor = np.array([1 + size] * 3 + [1])
+    found = sum(
+        compare_batches(noisy(rng, scene()), noisy(rng, scene() * factor)).different
+        for _ in range(40)
+    )
     assert found >= 27
 
 
