@@ -23,7 +23,8 @@ from support.statistics import agreement
 def test_short_and_long_paths_add_up_to_the_whole(integrator: str, name: str) -> None:
     """Lengths 1…2 and 3…6 rendered apart. Sees weights that depend on the limits of length, and a
     length that is recorded on both sides or on neither."""
-    built, settings = build(scenes.build(name)), work(integrator, 24)
+    built = build(scenes.build(name))
+    settings = work(integrator, 6 if integrator == "mlt" else 24)
     short = pictures(built, integrator, 24, depth=2, **settings)
     long = pictures(built, integrator, range(100, 124), min_edges=3, depth=6, **settings)
     whole = pictures(built, integrator, range(200, 224), depth=6, **settings)
@@ -32,7 +33,8 @@ def test_short_and_long_paths_add_up_to_the_whole(integrator: str, name: str) ->
 
 @pytest.mark.parametrize("integrator", ALL)
 def test_single_lengths_add_up_to_the_whole(integrator: str) -> None:
-    built, settings = build(scenes.build("diffuse_box")), work(integrator, 16)
+    built = build(scenes.build("diffuse_box"))
+    settings = work(integrator, 4 if integrator == "mlt" else 16)
     each = sum(
         pictures(built, integrator, 16, min_edges=k, depth=k, **settings) for k in range(1, 6)
     )

@@ -111,7 +111,7 @@ def test_chains_in_a_scene_turned_moved_and_scaled(name: str) -> None:
     scene = scenes.build(name)
     m = rotate((1, 2, 3), 77) @ scale(50) @ translate(1e4, -2e4, 3e4)
     here, there = (
-        pictures(x, "mlt", seeds, samples=192, depth=4)
+        pictures(x, "mlt", seeds, samples=96, depth=4)
         for x, seeds in ((scene, range(16)), (moved(scene, m), range(100, 116)))
     )
     agreement(here, there, lumpy=True).require(resolution=0.015, block_resolution=0.07)
@@ -138,7 +138,7 @@ def test_a_cropped_picture_is_the_cut_out_of_the_whole(integrator: str, filter: 
         width=x1 - x0,
         height=y1 - y0,
     )
-    settings = {**work(integrator, 48), "depth": 4, "filter": filter}
+    settings = {**work(integrator, 16 if integrator == "mlt" else 48), "depth": 4, "filter": filter}
     whole = pictures(build(scene), integrator, 16, **settings)
     part = pictures(build(cropped), integrator, range(100, 116), **settings)
     got = agreement(part, whole[:, y0:y1, x0:x1], lumpy=integrator == "mlt")
