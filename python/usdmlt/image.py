@@ -11,6 +11,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -128,7 +129,7 @@ class Image:
         else:
             linear = np.nan_to_num(self["color"], nan=0.0)
             pixels = np.rint(255 * np.clip(linear, 0, 1)).astype(np.uint8)
-        return dict(zip("RGB", np.moveaxis(pixels, -1, 0), strict=True)), attributes
+        return _rgb(pixels), attributes
 
 
 def read(path: str | os.PathLike[str]) -> Image:
@@ -208,6 +209,18 @@ def write_parts(path: Path, parts: Sequence[Part]) -> None:
         raise OSError(_one_line(file.geterror()))
     if not _is_whole(path, parts):
         raise OSError("the end of the file could not be written; is the disk full?")
+
+
+def png_of(pixels: npt.NDArray[np.uint8]) -> bytes:
+    """A PNG's bytes, of (height, width, 3) in sRGB. OSError as of :func:`write_parts`."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "view.png"
+        write_parts(path, [Part(_rgb(pixels), {"oiio:ColorSpace": "sRGB"})])
+        return path.read_bytes()
+
+
+def _rgb(pixels: npt.NDArray[np.uint8]) -> _Channels:
+    return dict(zip("RGB", np.moveaxis(pixels, -1, 0), strict=True))
 
 
 def _spec(part: Part, exr: bool) -> Any:

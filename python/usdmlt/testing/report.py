@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import base64
 import html
-import struct
-import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -13,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from usdmlt import color
-from usdmlt.image import Image
+from usdmlt.image import Image, png_of
 from usdmlt.testing import metrics
 from usdmlt.testing.comparison import Comparison, detectable
 
@@ -156,17 +154,7 @@ def _ramp(values: npt.NDArray[np.floating]) -> str:
 
 def _png(pixels: npt.NDArray[np.uint8]) -> str:
     """(height, width, 3) as a data URL."""
-    height, width = pixels.shape[:2]
-    rows = np.concatenate([np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)], axis=1)
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        checksum = zlib.crc32(kind + data)
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", checksum)
-
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    data = zlib.compress(rows.tobytes(), 6)
-    png = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
-    return "data:image/png;base64," + base64.b64encode(png).decode()
+    return "data:image/png;base64," + base64.b64encode(png_of(pixels)).decode()
 
 
 STYLE = """
