@@ -10,9 +10,10 @@ namespace {
 constexpr int roulette_start = 2;
 
 // Walks on from the last vertex of `path` along `ray`, whose direction (or origin, from infinity)
-// has density `pdf`; `weight` is the throughput that arrives.
-void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf, Spectrum weight,
-          int max_vertices, RayCounters& counters, Subpath& path) {
+// has density `pdf`; the throughput that arrives is `emitted` × `scale`.
+void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf, Spectrum emitted,
+          float scale, int max_vertices, RayCounters& counters, Subpath& path) {
+    Spectrum weight = emitted * scale;
     const float start = max_component(weight);
     float not_lost = 1;  // undoes what took throughput but no light
     float survival = 1;
@@ -24,9 +25,7 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
             return;
         if (role == Known::light && path.count == 1 && !scene.lights.links.empty()) {
             // What the light gives depends on what the ray has met.
-            const double cosine = previous.infinite ? 1 : abs_dot(previous.normal, ray.direction);
-            weight = emission(scene, previous, v, ray.direction) * previous.throughput *
-                     static_cast<float>(previous.opacity * cosine / pdf);
+            weight = emission(scene, previous, v, ray.direction) * scale;
             if (is_black(weight)) return;
         }
         v.throughput = weight;
@@ -100,7 +99,7 @@ void trace_camera_subpath(const Scene& scene, Sampler& sampler, Vec2f raster, fl
     if (max_vertices < 2) return;
     const CameraRay ray = camera.ray(raster, lens, time);
     walk(scene, sampler, Known::eye, {ray.origin, ray.tnear, ray.direction, ray.tfar, time},
-         camera.pdf_ray(ray.direction, time), Spectrum(1.0f), max_vertices, counters, path);
+         camera.pdf_ray(ray.direction, time), Spectrum(1.0f), 1, max_vertices, counters, path);
 }
 
 void trace_light_subpath(const Scene& scene, Sampler& sampler, float time, int max_vertices,
@@ -128,7 +127,7 @@ void trace_light_subpath(const Scene& scene, Sampler& sampler, float time, int m
     const double weight = v.opacity / path.pdf_point * cosine / pdf;
     const Spectrum emitted = emission(scene, v, ray.direction);
     if (is_black(emitted)) return;
-    walk(scene, sampler, Known::light, ray, pdf, emitted * static_cast<float>(weight), max_vertices,
+    walk(scene, sampler, Known::light, ray, pdf, emitted, static_cast<float>(weight), max_vertices,
          counters, path);
 }
 
