@@ -15,9 +15,6 @@ their standard errors.
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from time import process_time
 from typing import TYPE_CHECKING, Any
@@ -26,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from usdmlt.errors import Error
-from usdmlt.rendering import Rendering
+from usdmlt.rendering import Rendering, no_warnings
 from usdmlt.settings import UNLIMITED_SAMPLES, IntegratorName, Settings
 
 if TYPE_CHECKING:
@@ -237,15 +234,3 @@ def block_deviation(pictures: list[Picture], others: list[Picture]) -> float:
 def mean_and_error(values: list[float]) -> tuple[float, float]:
     """The mean of independent values and its standard error."""
     return float(np.mean(values)), float(np.std(values, ddof=1) / np.sqrt(len(values)))
-
-
-@contextmanager
-def no_warnings() -> Iterator[None]:
-    """What a render would say about its picture is not said again for every seed."""
-    logger = logging.getLogger("usdmlt")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import asdict, dataclass, fields, replace
 from time import perf_counter
@@ -219,20 +220,8 @@ def render(
     >>> image = usdmlt.render("shot.usda", width=640, samples=256)
     >>> image.write("shot.exr")
     """
-    names = {field.name for field in fields(Settings)}
-    given = {name: value for name, value in options.items() if name in names}
-    reading = {name: value for name, value in options.items() if name not in names}
-    reading |= {"camera": camera, "frame": frame, "width": width, "height": height}
-    Settings(**given)
-    check_resolution(width, height)
-    if isinstance(stage, Scene):
-        scene = stage
-        if any(option is not None for option in reading.values()):
-            raise UsageError("a Scene has its own camera, frame and size: set them there")
-    else:
-        from usdmlt.stage import load
-
-        scene = load(stage, **reading)
+    options |= {"camera": camera, "frame": frame, "width": width, "height": height}
+    scene, given, _ = read(stage, options)
     rendering = Rendering(scene, merged(scene.settings, given))
     if rendering.settings.integrator == "auto":
         logger.info("auto: %s (%s)", rendering.integrator, rendering.choice.reason)
@@ -241,6 +230,29 @@ def render(
     if interruption:
         raise Interrupted(rendering.image())
     return rendering.image()
+
+
+def read(
+    stage: Usd.Stage | Scene | str | os.PathLike[str], options: dict[str, Any]
+) -> tuple[Scene, dict[str, Any], dict[str, Any]]:
+    """The scene, and the options apart: those of :class:`Settings`, those of :func:`usdmlt.load`.
+
+    All of them are checked before anything is read.
+    """
+    names = {field.name for field in fields(Settings)}
+    given = {name: value for name, value in options.items() if name in names}
+    reading = {
+        name: value for name, value in options.items() if name not in names and value is not None
+    }
+    Settings(**given)
+    check_resolution(reading.get("width"), reading.get("height"))
+    if isinstance(stage, Scene):
+        if reading:
+            raise UsageError("a Scene has its own camera, frame and size: set them there")
+        return stage, given, reading
+    from usdmlt.stage import load
+
+    return load(stage, **reading), given, reading
 
 
 def unreachable_light(scene: Scene, core_scene: _core.Scene, depth: int) -> dict[str, list[str]]:
@@ -276,6 +288,17 @@ def truncated_fraction(energies: Sequence[float]) -> float:
     ratio = min(last / before, 0.99)
     tail = last * ratio / (1.0 - ratio)
     return tail / (total + tail)
+
+
+@contextmanager
+def no_warnings() -> Iterator[None]:
+    """What a render would say about its picture is not said again for every seed."""
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _warn(stats: dict[str, Any]) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdShade
 
 from usdmlt import color
-from usdmlt.equal_time import no_warnings
+from usdmlt.rendering import no_warnings
 from usdmlt.stage import load
 from usdmlt.testing.batches import render_batches
 from usdmlt.testing.metrics import Thresholds, difference

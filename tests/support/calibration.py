@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from usdmlt.equal_time import no_warnings
-from usdmlt.rendering import Rendering
+from usdmlt.rendering import Rendering, no_warnings
 from usdmlt.settings import Settings
 from usdmlt.stage import load
 from usdmlt.testing.batches import batches_of

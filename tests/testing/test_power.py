@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.check_power import CASES, Case, lights, pictures
-from usdmlt.equal_time import no_warnings
+from usdmlt.rendering import no_warnings
 from usdmlt.testing.statistics import Outcome, compare_batches
 
 # So small, p is 1e-3 or more of these. They have the benchmark.

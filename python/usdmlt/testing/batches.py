@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +14,9 @@ import numpy.typing as npt
 
 from usdmlt import native
 from usdmlt._version import __version__
-from usdmlt.equal_time import no_warnings
 from usdmlt.errors import UsageError
 from usdmlt.image import Image
-from usdmlt.rendering import Rendering
+from usdmlt.rendering import Rendering, no_warnings, read
 from usdmlt.scene import Scene
 from usdmlt.settings import Settings, merged
 from usdmlt.testing.statistics import BATCHES, LUMINANCE
@@ -77,23 +76,12 @@ def render_batches(
     least, so there may be more. ``stream``: another set of random numbers for all but the plan;
     pictures of different streams are independent of each other.
     """
-    names = {f.name for f in fields(Settings)}
-    given = {name: value for name, value in options.items() if name in names}
-    reading = {name: value for name, value in options.items() if name not in names}
-    Settings(**given)
-    if given.get("time") is not None:
+    if options.get("time") is not None:
         raise UsageError("a picture of independent batches has a number of samples, not a time")
-    if isinstance(stage, Scene):
-        scene = stage
-        if any(option is not None for option in reading.values()):
-            raise UsageError("a Scene has its own camera, frame and size: set them there")
-    else:
-        from usdmlt.stage import load
-
-        scene = load(stage, **reading)
+    scene, given, reading = read(stage, options)
     asked = {name: value for name, value in scene.settings.items() if name != "time"}
     image = batches_of(Rendering(scene, merged(asked, given)), batches, stream)
-    image.made["options"] = {name: value for name, value in reading.items() if value is not None}
+    image.made["options"] = reading
     image.made["stage_hash"] = "" if isinstance(stage, Scene) else stage_hash(stage)
     return image
 
