@@ -127,10 +127,10 @@ def _test(
             return None, "same bits", []
         pair, cell = _alike(reference, picture)
         if pair is not None:
-            clip = same_noise(reference, picture)
-            notes = [] if clip else ["made in different ways: only means were compared"]
+            alike = same_noise(reference, picture)
+            notes = [] if alike else ["made in different ways: only means were compared"]
             outcome = compare_batches(
-                *pair, cell=cell, significance=significance, tolerance=tolerance, clip=clip
+                *pair, cell=cell, significance=significance, tolerance=tolerance, alike=alike
             )
             return outcome, "batches", notes
     if all(

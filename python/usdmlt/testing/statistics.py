@@ -28,9 +28,10 @@ is not in it; small ones are drawn to those of the cells around.
 
 Fireflies enlarge s, so a cell with one says little. All is therefore done twice, the second time
 with bright outliers among the 2K values of a block cut. Neither way knows which picture a value
-is from, so p stays exact. But what is cut depends on how noise is distributed: where that may
-differ although the pictures' means do not (other integrators, sample counts or versions),
-``clip=False`` leaves the second part out.
+is from, so p stays exact. But what is cut depends on how noise is distributed, and so does what a
+regression leaves. Where that may differ although the pictures' means do not (other integrators,
+sample counts or versions), ``alike=False`` leaves the second part out and compares each colour with
+the mean of the other two.
 """
 
 from __future__ import annotations
@@ -154,12 +155,13 @@ def compare_batches(
     cell: int = 1,
     significance: float = SIGNIFICANCE,
     tolerance: float = TOLERANCE,
-    clip: bool = True,
+    alike: bool = True,
 ) -> Outcome:
     """Test whether two sets of batches show the same; see the module.
 
     ``reference``, ``picture``: (batches, rows, columns, 4), linear RGB and alpha, batch k of one
     independent of batch j != k of either. ``cell``: pixels across of what is a pixel here.
+    ``alike``: whether noise is distributed in one way in both; else only means are compared.
     ValueError where ``significance`` is less than so few batches can show.
     """
     a, b = (np.asarray(x, dtype=np.float64) for x in (reference, picture))
@@ -172,8 +174,8 @@ def compare_batches(
         )
     total = np.array([x[..., :3].mean(axis=(1, 2)) @ LUMINANCE for x in (a, b)])
     ratio, ratio_error = _ratio(total)
-    parts = list(_parts(a, b, cell, tolerance, clipped=False))
-    if clip:
+    parts = list(_parts(a, b, cell, tolerance, clipped=False, alike=alike))
+    if alike:
         parts += _parts(*_clipped(a, b), cell, tolerance, clipped=True)
     rows, columns = a.shape[1:3]
     if np.array_equal(a, b):
@@ -201,15 +203,22 @@ def compare_batches(
 # Cells
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+# Of RGBA, CHANNELS where colours are not regressed: each less the mean of the other two.
+OPPONENT = np.zeros((4, 5))
+OPPONENT[:3, 0] = LUMINANCE
+OPPONENT[:3, 1:4] = 1.5 * np.eye(3) - 0.5
+OPPONENT[3, 4] = 1
 
 
-def _parts(a: Array, b: Array, cell: int, tolerance: float, clipped: bool) -> Iterator[Part]:
+def _parts(
+    a: Array, b: Array, cell: int, tolerance: float, clipped: bool, alike: bool = True
+) -> Iterator[Part]:
     """The pyramid's levels and the patterns."""
     faint = FAINT * max(float(np.mean((a + b)[..., :3] @ LUMINANCE)) / 2, 1e-30)
     finest = None
     size = cell
     while True:
-        difference, variance, brightness = _moments(a, b, tolerance, faint)
+        difference, variance, brightness = _moments(a, b, tolerance, faint, alike)
         if finest is None:
             finest = difference[..., 0], (a + b)[..., :3] @ LUMINANCE, variance[..., 0]
         yield Part(
@@ -265,9 +274,9 @@ def halved(x: Array, sums: bool = False) -> Array:
     return x
 
 
-def _moments(a: Array, b: Array, tolerance: float, faint: float) -> tuple[Array, ...]:
+def _moments(a: Array, b: Array, tolerance: float, faint: float, alike: bool) -> tuple[Array, ...]:
     """By cell and of CHANNELS: differences beyond the tolerance, their variance; brightness."""
-    projection = _projection(a + b)
+    projection = _projection(a + b) if alike else np.tile(OPPONENT, (*a.shape[1:3], 1, 1))
     total, difference = (np.einsum("kyxc,yxcd->kyxd", x, projection) for x in (a + b, b - a))
     mean = np.abs(a + b).mean(axis=0) / 2
     brightness = (mean[..., :3] @ LUMINANCE)[..., None] + faint
@@ -318,11 +327,14 @@ def _patterns(difference: Array, total: Array, variance: Array, cell: int, clipp
     m, v = total.mean(axis=0) / 2, variance
     level = max(float(m.mean()), 1e-30)
     gradients = [np.gradient(m, axis=i) / cell if m.shape[i] > 1 else 0 * m for i in (1, 0)]
+    # The noise around, not that of a cell: weight must not be less just where a firefly fell.
+    weights = (local_median(v[..., None]) + (0.05 * local_median(m[..., None])) ** 2)[..., 0]
+    weights = np.maximum(weights, 1e-6 * level**2)
     gamma = np.where(m > 0, m * np.log(np.maximum(m, 1e-30) / level), 0.0)
     x, errors = [], []
     for pattern in (m, gamma, -gradients[0], -gradients[1]):
         # Not all weight on pixels without noise, such as lights that are seen directly.
-        weight = pattern / (v + (0.05 * m) ** 2)
+        weight = pattern / weights
         weight /= float((weight * pattern).sum()) or 1.0
         change, both = (np.tensordot(y, weight, 2) for y in (difference, total))
         error = max(float(both.std(ddof=1)), 1e-9) / np.sqrt(count)
