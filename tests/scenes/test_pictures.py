@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from pxr import Usd
 
+from support.eased import EASED
 from support.rendering import BOTH, build, picture, pictures
 from support.statistics import agreement
 from usdmlt.stage import load
@@ -28,21 +29,6 @@ def test_a_scene_renders_to_a_finite_picture_with_light_in_it(
     assert 0.02 < got.mean() < 3
 
 
-# ---------------------------------------------------------------------------------------------
-# Path tracing finds some of these lights once in thousands of samples or less: where it has to run
-# into a small light through glass or water, and where next-event estimation aims at lights behind
-# walls. Then a quick comparison would be one of luck, so it is made with a larger light or hole,
-# all else being equal.
-
-EASED: dict[str, dict[str, float | bool]] = {
-    "cornell_box": {},
-    "caustics": {"/World/Lights/Lamp.inputs:radius": 5.0},
-    "door_ajar": {},
-    "gallery": {},
-    "pool": {"/World/Lights/Sun.inputs:angle": 20.0},
-    "small_aperture": {"/World/Shutter/Left": False},  # a slit instead of a hole
-    "snow_globe": {"/World/Lights/Lamp.inputs:radius": 6.0},
-}
 SAMPLES = {"cornell_box": 16, "gallery": 32, "pool": 32}  # others: 64
 
 
