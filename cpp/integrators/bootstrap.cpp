@@ -41,12 +41,15 @@ double target_of(const Spectrum& value) {
     return sum;
 }
 
+// Whether the path scatters at x_i by a Dirac component.
+bool is_delta(const StrategySample& sample, int i) {
+    if (i == sample.s - 1 || i == sample.s) return false;
+    const SubpathVertex& v = i < sample.s ? sample.light[i] : sample.camera[sample.edges() - i];
+    return v.component != non_delta;
+}
+
 uint64_t class_of(const StrategySample& sample) {
-    return usdmlt::class_of(sample.edges(), [&](int i) {
-        if (i == sample.s - 1 || i == sample.s) return false;
-        const SubpathVertex& v = i < sample.s ? sample.light[i] : sample.camera[sample.edges() - i];
-        return v.component != non_delta;
-    });
+    return usdmlt::class_of(sample.edges(), [&](int i) { return is_delta(sample, i); });
 }
 
 double survival(const StrategySample& sample) {
@@ -84,8 +87,10 @@ struct EntrySink {
         // Camera samples are one per pixel of the image, light subpaths one per sample, of which
         // some are of the margin.
         const double scale = splats ? domain.density_scale() : 1;
-        // value = w f/(q p_{s,t}), q by roulette, which is no part of p, and w = p_{s,t}²/Σp².
-        const double of_chains = split.of_chains(sqr(w * f * survival(sample)) / sample.weight);
+        // value = w f/(q_{s,t} p_{s,t}), and w = p_{s,t}²/Σp²: q_{s,t}, of this strategy, is not q.
+        const double q = split.least_survival(
+            rough_vertices(sample.edges(), [&](int i) { return is_delta(sample, i); }));
+        const double of_chains = split.of_chains(sqr(w * f * survival(sample) / q) / sample.weight);
         if (recorder) record(sample, sample.value * static_cast<float>((1 - of_chains) * scale));
         const double v = f * of_chains * scale;
         if (!(v > 0)) return;
@@ -141,10 +146,17 @@ Bootstrap::Bootstrap(const Scene& scene, const Settings& settings, MutationConte
       split_(split),
       pixels_(pixels),
       scratch_(settings.depth) {
-    // What survives roulette is brighter than the split takes it for: a firefly again. Reduced
-    // renders are pilots, which have to be cheap.
-    scratch_.camera.roulette = scratch_.light.roulette =
-        !settings.selective || settings.reduction > 1;
+    // The split has to know from a path alone how bright its samples are.
+    for (Subpath* path : {&scratch_.camera, &scratch_.light}) {
+        path->roulette = !settings.selective;
+        path->continuation.probability = split.continuation;
+    }
+}
+
+double Bootstrap::fraction_going_on() const {
+    const Continuation &camera = scratch_.camera.continuation, &light = scratch_.light.continuation;
+    const double arrived = camera.arrived + light.arrived;
+    return arrived > 0 ? (camera.went_on + light.went_on) / arrived : 1;
 }
 
 template <typename Sink>

@@ -46,6 +46,9 @@ public:
     // Of all that were added: Σ v.
     double total() const { return total_; }
 
+    // Of the light that arrives where roulette decides, in all samples so far.
+    double fraction_going_on() const;
+
     const std::vector<BootstrapEntry>& entries() const { return entries_; }
 
     // Indices into entries() of `count` starts, by one offset u in [0, 1).

@@ -24,6 +24,8 @@ constexpr double cost_of_sample_rays = 0.55;
 // A reduced render is a pilot itself.
 uint32_t pilot_samples_of(const Settings& settings) { return settings.reduction > 1 ? 1024 : 4096; }
 constexpr int pilot_steps = 64;  // of as many chains as a unit has
+constexpr uint32_t continuation_samples = 512;
+constexpr double least_continuation = 0.3;
 constexpr double photons_per_pixel = 2, least_photons = 0x1p12, most_photons = 0x1p17;
 constexpr double uniform_strategies = 0.1;
 
@@ -133,11 +135,19 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
     pilot_rays = rays_of(photon_rays);
     const uint32_t pilot_samples = pilot_samples_of(settings);
     strategies = strategy_table(paths, {});
+    if (settings.selective) {
+        MetropolisScratch scratch(scene, *this);
+        scratch.bootstrap.draw(unit_key(settings, 1, 6), continuation_samples,
+                               scratch.statistics.bootstrap);
+        pilot_rays += rays_of(scratch.statistics.bootstrap.rays);
+        split.continuation =
+            std::clamp(scratch.bootstrap.fraction_going_on(), least_continuation, 1.0);
+    }
     double sample_cost = 1, share = 0.5;
     {
         // The first stage: a coarse picture by chains of the plain target, and of the rest.
         MetropolisScratch scratch(scene, *this);
-        PilotNotes notes(domain);
+        PilotNotes notes(domain, split);
         scratch.target.recorder.pilot = &notes;
         const double b = scratch.bootstrap.draw(unit_key(settings, 1, 1), pilot_samples,
                                                 scratch.statistics.bootstrap);

@@ -25,6 +25,14 @@ inline uint64_t class_of(const Path& path) {
     return class_of(path.edges(), [&](int i) { return path.is_delta(i); });
 }
 
+// Vertices between through which the path scatters otherwise than by a Dirac component.
+template <typename IsDelta>
+int rough_vertices(int edges, const IsDelta& is_delta) {
+    int count = 0;
+    for (int i = 1; i < edges; ++i) count += !is_delta(i);
+    return count;
+}
+
 inline std::string class_name(uint64_t key) {
     if (key >> 63) return std::to_string(key & 0xffffffffu) + " edges";
     std::string name = "L";

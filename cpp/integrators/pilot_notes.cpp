@@ -19,6 +19,8 @@ void PilotNotes::add(MutationContext& context, const Path& path, const ScaledDou
     Path plain = path;
     update_densities(context.scene, plain, 0, plain.edges());
     const ScaledDouble squares = squared_strategy_densities(plain, context.scratch);
+    const double q = unsplit_.least_survival(
+        rough_vertices(plain.edges(), [&](int i) { return plain.is_delta(i); }));
     // The other integrators walk without guide.
     std::vector<Vertex> vertices;
     vertices.reserve(plain.vertices.size());
@@ -39,7 +41,7 @@ void PilotNotes::add(MutationContext& context, const Path& path, const ScaledDou
         return p.is_positive() ? ratio(target, p) : 0.0;
     };
     notes_.push_back({path.raster, weight, ratio_to(by_path), ratio_to(by_all),
-                      ratio(target * target, squares)});
+                      ratio(target * target, squares) / sqr(q)});
 }
 
 PilotNotes::Errors PilotNotes::errors(double b, const CoarsePicture& finished) const {
@@ -75,14 +77,15 @@ PilotNotes::Plan PilotNotes::plan_split(double b, const CoarsePicture& finished,
     const double mean = finished.mean();
     double total = 0;
     for (const Note& note : notes_) total += note.weight;
-    const Plan nothing_known{{}, 0.5, 1};
+    const Plan nothing_known{unsplit_, 0.5, 1};
     if (!(mean > 0) || !(total > 0)) return nothing_known;
     // c · mean: the relative brightness of samples from which on chains have most of a path. It is
     // bounded from below, as the brightest of all are missing here.
     std::vector<Plan> plans;
     double least = std::numeric_limits<double>::infinity();
     for (double c = 0x1p-3; c <= 0x1p9; c *= 2) {
-        Plan plan{{sqr(c / mean)}, 0, 0};
+        Plan plan{unsplit_, 0, 0};
+        plan.split.c_squared = sqr(c / mean);
         double camera = 0, chains = 0, target = 0, all = 0;
         for (const Note& note : notes_) {
             const double r = sums[finished.cell(note.raster)] / mean;

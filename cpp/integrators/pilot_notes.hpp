@@ -8,13 +8,16 @@
 #pragma once
 
 #include "integrators/importance_map.hpp"
+#include "integrators/path_classes.hpp"
 #include "integrators/split.hpp"
 
 namespace usdmlt {
 
 class PilotNotes {
 public:
-    explicit PilotNotes(const RasterDomain& domain) : picture(domain) {}
+    // `unsplit`: what is known of the split before it is planned.
+    PilotNotes(const RasterDomain& domain, const Split& unsplit)
+        : picture(domain), unsplit_(unsplit) {}
 
     CoarsePicture picture;
 
@@ -49,10 +52,11 @@ private:
     struct Note {
         Vec2f raster;
         double weight, path, bidirectional;  // f*/p
-        double r_squared;                    // f*²/Σp_s² by walks with the guide, see Split
+        double r_squared;                    // f*²/(q²Σp_s²) by walks with the guide, see Split
     };
     // Densities cost much beside a mutation.
     static constexpr uint32_t interval = 8;
+    Split unsplit_;
     uint32_t count_ = 0;
     std::vector<Note> notes_;
 };

@@ -17,6 +17,7 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
     const float start = max_component(weight);
     float not_lost = 1;  // undoes what took throughput but no light
     float survival = 1;
+    int rough = 0;  // non-Dirac scatterings
     for (;;) {
         SubpathVertex& previous = path[path.count - 1];
         SubpathVertex& v = path[path.count];
@@ -63,7 +64,7 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
         }
         v.strategy_sum = (joins ? 1 : 0) + ratio * previous.strategy_sum;
 
-        const float before = max_component(weight);
+        const float before = max_component(weight), arrived = before * not_lost;
         weight *= sampling_weight(v, known, role, sample);
         not_lost *= refraction_scale(v, known, role, sample);
         // A guide's density is high where the light is, not where little of it goes on.
@@ -71,8 +72,15 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
             not_lost *= before / max_component(weight);
         const float w = max_component(weight) * not_lost;
         if (!(w > 0)) return;
-        if (path.roulette && n > roulette_start) {
-            const float q = continuation_probability(w / start);
+        float q = 1;
+        if (path.roulette) {
+            if (n > roulette_start) q = continuation_probability(w / start);
+        } else if (sample.component == non_delta && ++rough > Continuation::certain) {
+            q = static_cast<float>(path.continuation.probability);
+            path.continuation.arrived += arrived;
+            path.continuation.went_on += w;
+        }
+        if (q < 1) {
             if (choice.y >= q) return;
             weight *= 1 / q;
             survival *= q;

@@ -25,13 +25,23 @@ struct SubpathVertex : Vertex {
     double strategy_sum = 0;
 };
 
+// Roulette that is the same for all: walks go on from non-Dirac vertices, but for the first few,
+// with one probability, so that survival is known from a path's class. Best is the fraction of
+// light that goes on, which walks measure as they are.
+struct Continuation {
+    static constexpr int certain = 2;  // vertices from which all go on
+    double probability = 1;
+    double arrived = 0, went_on = 0;  // throughput, summed over vertices
+};
+
 // Vertices of one thread: capacity is chosen once, from the depth limit.
 struct Subpath {
     std::vector<SubpathVertex> vertices;
     int count = 0;
     double pdf_point = 0;   // light subpaths: density of x0 by sample_point,
     double pdf_direct = 0;  // and by sample_direct seen from x1
-    bool roulette = true;   // walks end at random where little light is left
+    bool roulette = true;   // walks end at random where little light is left; else
+    Continuation continuation;
 
     explicit Subpath(int capacity) : vertices(static_cast<size_t>(capacity)) {}
     SubpathVertex& operator[](int i) { return vertices[static_cast<size_t>(i)]; }

@@ -212,6 +212,42 @@ py::dict step_probe(const Scene& scene, const Weights& mutation_weights, int rou
     return out;
 }
 
+// Entries of a bootstrap and the paths made of them again: `weight` is that of the entry,
+// `expected` the one that follows from the path's target by w_s target/(q_s p_s).
+py::dict start_probe(const Scene& scene, uint32_t samples, int depth, uint64_t seed) {
+    const FlushDenormals flush;
+    const Settings settings = make_settings({}, depth, 1, seed, false, true, true);
+    const MetropolisPlan plan(scene, settings);
+    MetropolisScratch scratch(scene, plan);
+    UnitStatistics& statistics = scratch.statistics.bootstrap;
+    scratch.bootstrap.draw(hash_key(seed, 0x7374617274), samples, statistics);
+    std::vector<double> weight, expected;
+    std::vector<int> roulettes;
+    for (const BootstrapEntry& entry : scratch.bootstrap.entries()) {
+        if (!scratch.bootstrap.restore(entry, scratch.target, scratch.x, statistics)) continue;
+        const Path& path = scratch.x.path;
+        const auto decisions = [&](int first, int last) {
+            int count = -Continuation::certain;
+            for (int i = first; i <= last; ++i) count += !path.is_delta(i);
+            return std::max(count, 0);
+        };
+        const int n = decisions(1, entry.s - 2) + decisions(entry.s + 1, path.edges() - 1);
+        const double w = power_heuristic(scene, path, entry.s);
+        weight.push_back(entry.weight);
+        expected.push_back(w * ratio(scratch.x.target, strategy_density(scene, path, entry.s)) /
+                           std::pow(plan.split.continuation, n));
+        roulettes.push_back(n);
+        scratch.context.arena.give_all(path);
+    }
+    py::dict out;
+    out["weight"] = py::array_t<double>(py::ssize_t(weight.size()), weight.data());
+    out["expected"] = py::array_t<double>(py::ssize_t(expected.size()), expected.data());
+    out["roulettes"] = py::array_t<int>(py::ssize_t(roulettes.size()), roulettes.data());
+    out["continuation"] = plan.split.continuation;
+    out["selective"] = plan.split.is_selective();
+    return out;
+}
+
 // Many proposals of one mutation from one path: of the class, and nearest to a point of the raster.
 py::dict proposal_probe(const Scene& scene, const std::string& mutation,
                         const std::string& path_class, std::pair<float, float> raster, int count,
@@ -303,6 +339,10 @@ void bind_mutations(py::module_& module) {
         "Single steps of run_chain from paths of bidirectional path tracing, drawn in "
         "proportion to their weights. One row per proposal that was made: the states before "
         "and after, what each would deposit, densities, and those of the mutants that are named.");
+    module.def("start_probe", &start_probe, py::arg("scene"), py::kw_only(), py::arg("samples"),
+               py::arg("depth") = 8, py::arg("seed") = 0,
+               "Weights of bidirectional samples in the chains' target, and those that follow from "
+               "their finished paths.");
     module.def("proposal_probe", &proposal_probe, py::arg("scene"), py::arg("mutation"),
                py::arg("path_class"), py::arg("raster"), py::kw_only(), py::arg("count"),
                py::arg("depth") = 6, py::arg("min_edges") = 1, py::arg("seed") = 0,

@@ -10,8 +10,8 @@ and R the mean of all. What an integrator has not found counts as its error. The
 tracing and bidirectional path tracing find too seldom to be seen in a short pilot is judged by the
 chains of mlt, from the densities with which the others make their paths; so is what mlt wins by
 taking it from bidirectional samples. Where an error hangs on few samples of either kind, it is not
-believed, and mlt is taken. Work is counted in rays, never in
-seconds, so that the choice is the same on every machine.
+believed, and mlt is taken. Work is counted in rays, never in seconds, so that the choice is the
+same on every machine.
 """
 
 from __future__ import annotations
@@ -48,6 +48,8 @@ FEWEST_PIXELS, FEWEST_PATHS = 40.0, 80.0
 NOTABLE = 0.4
 # Bidirectional samples are stratified, and better than the chains foresee.
 MARGIN = 1.7
+# Errors of chains are shared by neighbours, which is worse than the same error by pixel tells.
+CLUMPS = 2.0
 PILOT_SEED = 0x70696C6F
 
 
@@ -126,7 +128,7 @@ def choose(core_scene: _core.Scene, settings: Settings) -> Choice:
             believed.append(name)
     # Chains take the paths that bidirectional samples find too seldom: what is won by that.
     gain = np.mean([s["mlt"]["error_relative_to_bdpt"] for s in (stats_a, stats_b)])
-    merit["mlt"] = min(merit["mlt"], merit["bdpt"] * float(gain) * MARGIN)
+    merit["mlt"] = CLUMPS * min(merit["mlt"], merit["bdpt"] * float(gain) * MARGIN)
     best = min(believed, key=lambda name: merit[name])
     doubted = [name for name in names if name not in believed]
     reason = "least error for its work"
