@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
+from support.usda import instance
 from usdmlt.errors import Error
 from usdmlt.scene import Scene
 
@@ -132,13 +133,6 @@ def test_nothing_is_noted_where_no_light_is_linked(read):
 ASSET = f'class "asset" {{ {mesh("a")} {mesh("b")} }}'
 
 
-def instance(name: str) -> str:
-    return f"""def Xform "{name}" (
-        instanceable = true
-        references = </asset>
-    ) {{}}"""
-
-
 def instanced(*names: str) -> str:
     return ASSET + "".join(instance(name) for name in names)
 
@@ -174,14 +168,7 @@ def test_expressions_reach_into_instances(read):
 def test_instances_inside_of_instances(read):
     body = f"""{ASSET}
     class "outer" {{ {instance("inner")} }}
-    def Xform "i" (
-        instanceable = true
-        references = </outer>
-    ) {{}}
-    def Xform "j" (
-        instanceable = true
-        references = </outer>
-    ) {{}}"""
+    {instance("i", of="/outer")} {instance("j", of="/outer")}"""
     scene = read(light("rel collection:lightLink:excludes = </j/inner/a>") + body)
     assert lit(scene) == {"/i/inner/a", "/i/inner/b", "/j/inner/b"}
 

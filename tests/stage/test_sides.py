@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from support.rendering import rgba
+from support.usda import instance
 from usdmlt.errors import Error
 from usdmlt.stage import load
 
@@ -95,15 +96,7 @@ def test_what_refracts_keeps_its_back(read, inputs, expected):
 
 
 def test_prototypes_have_sides(read):
-    body = f"""class "asset" {{ {TWO} }}
-    def Xform "i" (
-        instanceable = true
-        references = </asset>
-    ) {{}}
-    def Xform "j" (
-        instanceable = true
-        references = </asset>
-    ) {{}}"""
+    body = f"""class "asset" {{ {TWO} }} {instance("i")} {instance("j")}"""
     assert sides(read(body, double_sided="auto")) == {"/i/one": False, "/i/both": True}
 
 

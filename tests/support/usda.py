@@ -42,3 +42,11 @@ def node(name: str, kind: str, inputs: str = "") -> str:
 def connect(name: str, other: str, type_name: str = "token") -> str:
     """An input that another node of the material /M feeds."""
     return f"{type_name} inputs:{name}.connect = </M/{other}.outputs:out>\n"
+
+
+def instance(name: str, of: str = "/asset") -> str:
+    """A native instance."""
+    return f"""def Xform "{name}" (
+        instanceable = true
+        references = <{of}>
+    ) {{}}"""

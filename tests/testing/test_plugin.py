@@ -48,6 +48,14 @@ def test_box(assert_render):
 """
 
 
+@pytest.fixture
+def referenced(project: pytest.Pytester) -> pytest.Pytester:
+    """With the reference that CHECK asks for."""
+    write(project, CHECK)
+    run(project, "--usdmlt-update").assert_outcomes(passed=1)
+    return project
+
+
 def test_a_missing_reference_fails_with_the_command_that_makes_it(
     project: pytest.Pytester,
 ) -> None:
@@ -75,12 +83,10 @@ def test_a_reference_that_was_made_is_met_bit_for_bit(project: pytest.Pytester) 
 
 
 def test_a_changed_stage_fails_and_says_how_and_is_in_the_report(
-    project: pytest.Pytester,
+    referenced: pytest.Pytester,
 ) -> None:
-    write(project, CHECK)
-    run(project, "--usdmlt-update").assert_outcomes(passed=1)
     write(
-        project,
+        referenced,
         """
 def test_box(assert_render):
     changed = stage()
@@ -92,7 +98,7 @@ def test_other(assert_render):
     assert_render(stage(), "box", **OPTIONS)
 """,
     )
-    result = run(project, "--usdmlt-report", "out")
+    result = run(referenced, "--usdmlt-report", "out")
     result.assert_outcomes(failed=1, passed=1)
     result.stdout.fnmatch_lines(
         [
@@ -104,17 +110,15 @@ def test_other(assert_render):
             "usdmlt: report: out/index.html",
         ]
     )
-    page = (project.path / "out" / "index.html").read_text()
+    page = (referenced.path / "out" / "index.html").read_text()
     assert "test_picture.py::test_box" in page and "test_other" not in page
-    assert [p.name for p in (project.path / "out").iterdir()] == ["index.html"]
+    assert [p.name for p in (referenced.path / "out").iterdir()] == ["index.html"]
 
 
-def test_a_change_that_does_not_show_passes(project: pytest.Pytester) -> None:
+def test_a_change_that_does_not_show_passes(referenced: pytest.Pytester) -> None:
     """The bits differ, as a box far behind the camera takes other random numbers' places."""
-    write(project, CHECK)
-    run(project, "--usdmlt-update").assert_outcomes(passed=1)
     write(
-        project,
+        referenced,
         """
 def test_box(assert_render, usd_render):
     assert_render(usd_render(stage(), stream=1, **OPTIONS))
@@ -123,31 +127,27 @@ def test_exact(assert_render, usd_render):
     assert_render(usd_render(stage(), stream=1, **OPTIONS), "box", exact=True)
 """,
     )
-    result = run(project)
+    result = run(referenced)
     result.assert_outcomes(passed=1, failed=1)
     result.stdout.fnmatch_lines(["*the bits differ, and exact=True asks for the same"])
 
 
-def test_a_check_that_is_too_noisy_asks_for_samples(project: pytest.Pytester) -> None:
-    write(project, CHECK)
-    run(project, "--usdmlt-update").assert_outcomes(passed=1)
+def test_a_check_that_is_too_noisy_asks_for_samples(referenced: pytest.Pytester) -> None:
     write(
-        project,
+        referenced,
         """
 def test_box(assert_render, usd_render):
     assert_render(usd_render(stage(), stream=1, **OPTIONS), detect=0.0005)
 """,
     )
-    result = run(project)
+    result = run(referenced)
     result.assert_outcomes(failed=1)
     result.stdout.re_match_lines([r"  too noisy to tell: .* about samples=\d+, instead of 24.*"])
 
 
-def test_a_size_that_changed_is_one_line(project: pytest.Pytester) -> None:
-    write(project, CHECK)
-    run(project, "--usdmlt-update").assert_outcomes(passed=1)
-    write(project, CHECK.replace("**OPTIONS", "width=40, samples=24"))
-    result = run(project)
+def test_a_size_that_changed_is_one_line(referenced: pytest.Pytester) -> None:
+    write(referenced, CHECK.replace("**OPTIONS", "width=40, samples=24"))
+    result = run(referenced)
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*references/box.exr: the pictures differ in size: 32x* and 40x*"])
 
