@@ -161,15 +161,18 @@ def test_noise_of_another_kind_is_no_difference_of_means() -> None:
 
 
 def test_the_detectable_change_is_detected_nine_times_out_of_ten() -> None:
-    """Binomial, 40 changes of the stated size: 27 or more with probability 1 - 1e-4."""
+    """Binomial, 40 changes of the sizes that four pairs state: 27 or more with p = 1 - 1e-4.
+    Over 160 changes of eight sizes it was 88 %."""
     rng = np.random.default_rng(4)
-    size = compare_batches(noisy(rng, scene()), noisy(rng, scene())).detectable
-    assert 0.001 < size < 0.2
-    factor = np.array([1 + size] * 3 + [1])
-    found = sum(
-        compare_batches(noisy(rng, scene()), noisy(rng, scene() * factor)).different
-        for _ in range(40)
-    )
+    found = 0
+    for _ in range(4):
+        size = compare_batches(noisy(rng, scene()), noisy(rng, scene())).detectable
+        assert 0.001 < size < 0.2
+        factor = np.array([1 + size] * 3 + [1])
+        found += sum(
+            compare_batches(noisy(rng, scene()), noisy(rng, scene() * factor)).different
+            for _ in range(10)
+        )
     assert found >= 27
 
 
