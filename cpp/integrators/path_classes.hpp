@@ -33,6 +33,10 @@ int rough_vertices(int edges, const IsDelta& is_delta) {
     return count;
 }
 
+inline int rough_vertices(const Path& path) {
+    return rough_vertices(path.edges(), [&](int i) { return path.is_delta(i); });
+}
+
 inline std::string class_name(uint64_t key) {
     if (key >> 63) return std::to_string(key & 0xffffffffu) + " edges";
     std::string name = "L";

@@ -16,13 +16,11 @@ bool PathTarget::evaluate(State& state, int first, int last) {
     state.target = sum;
     state.target.exponent += f.exponent;
     if (split_.is_selective()) {
-        const Path& path = state.path;
         update_densities(context_.scene, state.path, first, last);
-        const double q = split_.least_survival(
-            rough_vertices(path.edges(), [&](int i) { return path.is_delta(i); }));
+        const double q = split_.least_survival(rough_vertices(state.path));
         state.target *= split_.of_chains(
             sqr(w / q) * usdmlt::ratio(state.target * state.target,
-                                       squared_strategy_densities(path, context_.scratch)));
+                                       squared_strategy_densities(state.path, context_.scratch)));
     }
     return true;
 }

@@ -19,8 +19,7 @@ void PilotNotes::add(MutationContext& context, const Path& path, const ScaledDou
     Path plain = path;
     update_densities(context.scene, plain, 0, plain.edges());
     const ScaledDouble squares = squared_strategy_densities(plain, context.scratch);
-    const double q = unsplit_.least_survival(
-        rough_vertices(plain.edges(), [&](int i) { return plain.is_delta(i); }));
+    const double q = unsplit_.least_survival(rough_vertices(plain));
     // The other integrators walk without guide.
     std::vector<Vertex> vertices;
     vertices.reserve(plain.vertices.size());
