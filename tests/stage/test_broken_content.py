@@ -79,6 +79,18 @@ def test_broken_meshes_name_their_path(read, change, says):
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.parametrize("typed", ["point3f", "int[]", "int", "texCoord2f[]"])
+def test_points_of_a_type_that_is_none_of_points_are_a_warning(read, examine, typed):
+    values = {"point3f": "(0, 0, 0)", "int[]": "[0, 1, 2]", "int": "7"}.get(typed, "[(0, 0)]")
+    body = f"""def Mesh "m" {{
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+        {typed} points = {values}
+    }}"""
+    assert read(body).meshes == []
+    assert ("meshes without points", ["/m"]) in [(w.kind, w.paths) for w in examine(body).warnings]
+
+
 def test_very_small_and_very_large_scales_are_not_singular(read):
     body = MESH.format(
         **{

@@ -113,7 +113,8 @@ class GeometryReader:
         self, prim: Attributes, detail: Detail
     ) -> tuple[tuple[Mesh, Spreads] | None, Skin | None]:
         value = prim["points"]
-        points = None if value is None else as_floats(value)
+        # A single point has a type that `points` cannot have.
+        points = as_floats(value) if np.ndim(value) == 2 else None
         if points is None or points.shape[1] != 3:
             self.report.note("meshes without points", prim.prim.GetPath())
             return None, None
