@@ -61,6 +61,8 @@ _HOMES = {
     "render": ("usdmlt.rendering", "render"),
 }
 
+_MODULES = ("color", "notebook", "views")
+
 logging.getLogger("usdmlt").addHandler(logging.NullHandler())
 
 _complaint = cpu.complaint()
@@ -70,6 +72,8 @@ if _complaint:
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used: `import usdmlt` stays quick."""
+    if name in _MODULES:
+        return importlib.import_module(f"usdmlt.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module 'usdmlt' has no attribute {name!r}")
     module, attribute = _HOMES[name]

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdShade
 
-from usdmlt import color
+from usdmlt import views
 from usdmlt.rendering import no_warnings
 from usdmlt.stage import load
 from usdmlt.testing.batches import render_batches
@@ -146,7 +146,7 @@ def pictures(
 
 def view(batches: np.ndarray) -> np.ndarray:
     """The mean as a PNG has it, 0 to 1."""
-    return color.srgb_view(batches.mean(axis=0)[..., :3]).astype(np.float32) / 255
+    return views.encode(batches.mean(axis=0)[..., :3]).astype(np.float32) / 255
 
 
 def main() -> None:

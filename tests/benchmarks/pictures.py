@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from usdmlt import color, equal_time
+from usdmlt import equal_time, views
 from usdmlt.stage import load
 
 ROOT = Path(__file__).parents[2]
@@ -36,7 +36,7 @@ def row_of_pictures(name: str, seconds: float, width: int) -> np.ndarray:
         samples = equal_time.samples_for(scene, integrator, seconds, DEPTH)
         timed = equal_time.render(scene, integrator, samples, DEPTH, seed=0)
         print(f"{name}, {integrator}: {samples} per pixel, {timed.seconds:.1f} s", flush=True)
-        view = color.srgb_view(timed.picture.astype(np.float32))
+        view = views.encode(timed.picture.astype(np.float32))
         cells.append(np.concatenate([view, text(f"{label}, {seconds:g} s", width)]))
         cells.append(np.full((len(cells[0]), MARGIN, 3), 255, np.uint8))
     return np.concatenate(cells[:-1], axis=1)

@@ -61,7 +61,7 @@ def test_wrong_flags_and_values_exit_with_2(
 
 
 def test_an_unknown_extension_exits_with_2(usdmlt_command: Run, stage: Path) -> None:
-    assert_one_line(usdmlt_command("render", stage, "a.tiff"), 2, ".exr or .png")
+    assert_one_line(usdmlt_command("render", stage, "a.tiff"), 2, ".exr, .png, .jpg or")
 
 
 def test_a_subcommand_is_needed(usdmlt_command: Run) -> None:

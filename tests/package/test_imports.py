@@ -35,6 +35,13 @@ def test_parsing_the_command_line_loads_nothing_heavy(arguments: list[str]) -> N
     assert loaded_by(code).isdisjoint(HEAVY)
 
 
+def test_public_modules_are_there_without_an_import_of_their_own() -> None:
+    code = "import usdmlt; assert usdmlt.color.conversion('ACEScg', 'lin_rec709_scene')[0, 0] > 1"
+    loaded = loaded_by(code)
+    assert "usdmlt.color" in loaded
+    assert loaded.isdisjoint({"pxr", "OpenImageIO", "colour", "rich"})
+
+
 def test_every_public_name_is_there_when_asked_for() -> None:
     for name in usdmlt.__all__:
         assert getattr(usdmlt, name) is not None

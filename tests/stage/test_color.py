@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import colour
 import numpy as np
 import pytest
 from pxr import Gf
 
-from usdmlt.stage.color import ColorSpaces, canonical, decode
+from usdmlt.stage.color import ColorSpaces, canonical, decode, defined
 
 RENDERING = [
     "lin_rec709_scene",
@@ -120,6 +121,49 @@ def test_light_colors_are_converted_too(read):
 def test_only_linear_rgb_spaces_can_be_rendered_in(read, name):
     with pytest.raises(ValueError, match="not a linear RGB colour space"):
         read("", color_space=name)
+
+
+DEFINITION = """
+    uniform token colorSpaceDefinition:own:name = "own_space"
+    float2 colorSpaceDefinition:own:redChroma = (0.7, 0.3)
+    float2 colorSpaceDefinition:own:greenChroma = (0.2, 0.7)
+    float2 colorSpaceDefinition:own:blueChroma = (0.1, 0.05)
+    float2 colorSpaceDefinition:own:whitePoint = (0.3457, 0.3585)
+    float colorSpaceDefinition:own:gamma = 2
+    float colorSpaceDefinition:own:linearBias = 0
+"""
+
+
+def test_a_space_that_the_stage_defines_is_converted_white_to_white(read, examine):
+    """UsdColorSpaceDefinitionAPI on an ancestor; its white is D50."""
+    body = MATERIAL.replace("SPACE", '( colorSpace = "own_space" )').replace(
+        'def Material "M" {',
+        'def Material "M" (prepend apiSchemas = ["ColorSpaceDefinitionAPI:own"]) {' + DEFINITION,
+    )
+    assert not any("colour space" in warning.kind for warning in examine(body).warnings)
+    primaries = colour.normalised_primary_matrix(
+        [[0.7, 0.3], [0.2, 0.7], [0.1, 0.05]], [0.3457, 0.3585]
+    )
+    to_d65 = colour.adaptation.matrix_chromatic_adaptation_VonKries(
+        colour.xy_to_XYZ([0.3457, 0.3585]), colour.xy_to_XYZ([0.3127, 0.3290]), "Bradford"
+    )
+    to_rec709 = colour.RGB_COLOURSPACES["ITU-R BT.709"].matrix_XYZ_to_RGB
+    expected = to_rec709 @ to_d65 @ primaries @ np.array([0.5, 0.25, 0.125]) ** 2
+    assert read(body).materials[0].closure.diffuseColor == pytest.approx(expected, abs=1e-5)
+    white = read(body.replace("0.5, 0.25, 0.125", "1, 1, 1")).materials[0].closure.diffuseColor
+    assert white == pytest.approx((1, 1, 1), abs=1e-6)
+
+
+@pytest.mark.parametrize(("gamma", "bias"), [(2.4, 0.055), (1 / 0.45, 0.099), (1.8, 0.0)])
+def test_defined_transfer_curves_are_openusds(gamma, bias):
+    space = Gf.ColorSpace(
+        "own", Gf.Vec2f(0.64, 0.33), Gf.Vec2f(0.3, 0.6), Gf.Vec2f(0.15, 0.06),
+        Gf.Vec2f(0.3127, 0.329), gamma, bias,
+    )  # fmt: skip
+    linear = Gf.ColorSpace("lin_rec709_scene")
+    values = np.linspace(0, 1, 41)
+    expected = [linear.Convert(space, Gf.Vec3f(v)).GetRGB()[0] for v in values]
+    assert decode(values, defined(space)) == pytest.approx(expected, abs=2e-5)
 
 
 def test_aliases_mean_known_spaces():

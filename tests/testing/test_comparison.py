@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import usdmlt
-from usdmlt import image
 from usdmlt.errors import Error
 from usdmlt.image import Image
+from usdmlt.image_files import Part, write_parts
 from usdmlt.stage import load
 from usdmlt.testing import comparison, references
 from usdmlt.testing.batches import Batches, render_batches
@@ -115,7 +115,7 @@ def test_what_cannot_be_compared_is_status_2(
 def test_other_layers_have_to_be_the_same(tmp_path: Path) -> None:
     def write(name: str, **layers: np.ndarray) -> Path:
         rgb = {c: np.full((4, 5), 0.5, np.float32) for c in "RGB"}
-        image.write_parts(tmp_path / name, [image.Part(rgb | layers, {})])
+        write_parts(tmp_path / name, [Part(rgb | layers, {})])
         return tmp_path / name
 
     depth = np.arange(20, dtype=np.float32).reshape(4, 5)
@@ -133,8 +133,8 @@ def test_other_layers_have_to_be_the_same(tmp_path: Path) -> None:
 
 def test_a_picture_without_colours_is_compared_too(tmp_path: Path) -> None:
     for name, value in (("a.exr", 0.5), ("b.exr", 0.75)):
-        part = image.Part({"Y": np.full((4, 5), value, np.float32)}, {})
-        image.write_parts(tmp_path / name, [part])
+        part = Part({"Y": np.full((4, 5), value, np.float32)}, {})
+        write_parts(tmp_path / name, [part])
     assert not comparison.compare_files(tmp_path / "a.exr", tmp_path / "a.exr").different
     result = comparison.compare_files(tmp_path / "a.exr", tmp_path / "b.exr")
     assert result.different and result.metrics.difference.largest == 0.25

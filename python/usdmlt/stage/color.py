@@ -12,39 +12,21 @@ from functools import cache
 import numpy as np
 from pxr import Gf, Usd
 
-from usdmlt.errors import Report, UsageError
+from usdmlt.color import (
+    ALIASES,
+    DEFAULT,
+    Chromaticities,
+    matrix_to_xyz,
+    rendering_space,
+    rendering_space_name,
+)
+from usdmlt.errors import Report
 from usdmlt.scene import Color
 
-DEFAULT = "lin_rec709_scene"
 DATA = {"", "raw", "data", "unknown", "identity", "none"}
-
-ALIASES = {
-    "lin_rec709": "lin_rec709_scene",
-    "lin_srgb": "lin_rec709_scene",
-    "linear": "lin_rec709_scene",
-    "scene_linear": "lin_rec709_scene",
-    "srgb": "srgb_rec709_scene",
-    "srgb_texture": "srgb_rec709_scene",
-    "srgb_rec709_display": "srgb_rec709_scene",
-    "g18_rec709": "g18_rec709_scene",
-    "g22_rec709": "g22_rec709_scene",
-    "g24_rec709": "g24_rec709_scene",
-    "rec709_display": "g24_rec709_scene",
-    "acescg": "lin_ap1_scene",
-    "lin_ap1": "lin_ap1_scene",
-    "srgb_ap1": "srgb_ap1_scene",
-    "g22_ap1": "g22_ap1_scene",
-    "aces2065-1": "lin_ap0_scene",
-    "lin_ap0": "lin_ap0_scene",
-    "lin_rec2020": "lin_rec2020_scene",
-    "lin_p3d65": "lin_p3d65_scene",
-    "lin_displayp3": "lin_p3d65_scene",
-    "srgb_displayp3": "srgb_p3d65_scene",
-    "srgb_p3d65": "srgb_p3d65_scene",
-    "adobergb": "g22_adobergb_scene",
-    "g22_adobergb": "g22_adobergb_scene",
-    "lin_adobergb": "lin_adobergb_scene",
-}
+DEFINED = (
+    "defined"  # a space by a stage's own definition: "defined xR yR xG yG xB yB xW yW gamma bias"
+)
 
 
 def canonical(name: str) -> str | None:
@@ -56,38 +38,63 @@ def canonical(name: str) -> str | None:
     return lower if Gf.ColorSpace.IsValid(lower) else None
 
 
+def defined(space: Gf.ColorSpace) -> str:
+    """A space that a stage defines (UsdColorSpaceDefinitionAPI), as one string."""
+    chromaticities = [v for xy in space.GetPrimariesAndWhitePoint() for v in xy]
+    numbers = (*chromaticities, space.GetGamma(), space.GetLinearBias())
+    return " ".join([DEFINED, *(f"{number:.9g}" for number in numbers)])
+
+
 @cache
 def conversion_matrix(source: str, target: str) -> np.ndarray:
-    """(3, 3) float64 M with ``target_rgb = M @ source_rgb`` for linear values.
-
-    White goes to white: Gf.ColorSpace keeps the primaries of spaces with another white adapted to
-    D65 (Bradford).
-    """
-    from_xyz = np.array(Gf.ColorSpace(source).GetRGBToXYZ(), dtype=np.float64)
-    to_xyz = np.array(Gf.ColorSpace(target).GetRGBToXYZ(), dtype=np.float64)
-    matrix = np.linalg.solve(to_xyz, from_xyz)
+    """(3, 3) float64 M with ``target_rgb = M @ source_rgb`` for linear values; white to white."""
+    matrix = np.linalg.solve(_to_xyz(target), _to_xyz(source))
     return np.eye(3) if np.allclose(matrix, np.eye(3), atol=1e-6) else matrix
 
 
+def _to_xyz(space: str) -> np.ndarray:
+    """From linear values of a space to XYZ with D65 as white."""
+    if space.startswith(DEFINED):
+        x = [float(number) for number in space.split()[1:9]]
+        return matrix_to_xyz(Chromaticities(*((x[i], x[i + 1]) for i in range(0, 8, 2))))
+    primaries = space.split("_")[1]  # as in srgb_p3d65_scene
+    if primaries.startswith("ciexyz"):
+        return np.eye(3)
+    return np.array(rendering_space(f"lin_{primaries}_scene").to_xyz)
+
+
 def decode(values: np.ndarray, space: str) -> np.ndarray:
-    """Undo the transfer curve of a named space (sRGB: IEC 61966-2-1; others: a power)."""
+    """Undo the transfer curve of a space (sRGB: IEC 61966-2-1; others: a power, with a line below
+    it where a stage defines one)."""
     if space.startswith("srgb"):
         low, high = values / 12.92, ((np.maximum(values, 0.0) + 0.055) / 1.055) ** 2.4
         return np.where(values <= 0.04045, low, high)
-    gamma = Gf.ColorSpace(space).GetGamma()
+    gamma, bias = transfer(space)
     if gamma == 1.0:
         return values
-    return np.sign(values) * np.abs(values) ** gamma
+    if bias == 0.0:
+        return np.sign(values) * np.abs(values) ** gamma
+    # The line through 0 is tangent to the curve ((v + b) / (1 + b))^g: they meet at b / (g - 1).
+    knee = bias / (gamma - 1.0)
+    slope = ((knee + bias) / (1.0 + bias)) ** gamma / knee
+    curve = (np.maximum(values + bias, 0.0) / (1.0 + bias)) ** gamma
+    return np.where(values <= knee, values * slope, curve)
+
+
+def transfer(space: str) -> tuple[float, float]:
+    """Gamma and linear bias of a space, (1, 0) of linear ones."""
+    if space.startswith(DEFINED):
+        gamma, bias = (float(number) for number in space.split()[9:])
+        return gamma, bias
+    found = Gf.ColorSpace(space)
+    return found.GetGamma(), found.GetLinearBias()
 
 
 class ColorSpaces:
     """Converts authored colours into one linear rendering colour space."""
 
     def __init__(self, rendering: str = DEFAULT, report: Report | None = None):
-        name = canonical(rendering)
-        if name in (None, "raw") or not name.startswith("lin_") or "xyz" in name:
-            raise UsageError(f"not a linear RGB colour space: {rendering!r}")
-        self.rendering = name
+        self.rendering = rendering_space_name(rendering)
         self.report = report or Report()
         self._cache = Usd.ColorSpaceHashCache()
 
@@ -102,7 +109,15 @@ class ColorSpaces:
     def space_of(self, attribute: Usd.Attribute) -> str:
         """The colour space of an attribute's values: its own, its prim's, or linear Rec.709."""
         name = Usd.ColorSpaceAPI.ComputeColorSpaceName(attribute, self._cache)
-        return self.named(name, attribute.GetPath()) if name else DEFAULT
+        return self.declared(name, attribute) if name else DEFAULT
+
+    def declared(self, name: str, attribute: Usd.Attribute) -> str:
+        """The space that an attribute has by that name: known, or defined on an ancestor."""
+        if canonical(name) is None and Usd.ColorSpaceAPI.IsValidColorSpaceName(
+            attribute.GetPrim(), name, self._cache
+        ):
+            return defined(Usd.ColorSpaceAPI.ComputeColorSpace(attribute, self._cache))
+        return self.named(name, attribute.GetPath())
 
     def same_primaries(self, space: str) -> bool:
         """Whether linear values of that space need no conversion."""

@@ -48,7 +48,7 @@ def read_image(networks: Networks, source: Source, kind: Kind) -> Input | None:
         return default
     space = DEFAULT if kind == "color" else "raw"
     if file.attribute.HasColorSpace():
-        space = networks.colors.named(file.attribute.GetColorSpace(), file.attribute.GetPath())
+        space = networks.colors.declared(file.attribute.GetColorSpace(), file.attribute)
     wrap = tuple(
         ADDRESS_MODES.get(str(networks.value(shader, f"{axis}addressmode", "periodic")), "repeat")
         for axis in "uv"

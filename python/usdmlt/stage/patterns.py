@@ -72,7 +72,7 @@ def _declared_space(networks: Networks, shader: UsdShade.Shader, file: Source) -
     if file.attribute.HasColorSpace():
         name = file.attribute.GetColorSpace()
         if name and name.lower() != "auto":
-            return networks.colors.named(name, file.attribute.GetPath())
+            return networks.colors.declared(name, file.attribute)
     return None
 
 

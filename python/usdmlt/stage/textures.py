@@ -16,11 +16,11 @@ from functools import cache
 
 import numpy as np
 import OpenImageIO as oiio
-from pxr import Ar, Gf, Sdf, Usd, UsdShade
+from pxr import Ar, Sdf, Usd, UsdShade
 
 from usdmlt.errors import Report
 from usdmlt.scene import Texture
-from usdmlt.stage.color import DEFAULT, ColorSpaces, conversion_matrix, decode
+from usdmlt.stage.color import DEFAULT, ColorSpaces, conversion_matrix, decode, transfer
 
 WRAPS = {
     "black": "black",
@@ -98,7 +98,7 @@ class Textures:
         """The index of a light's texture. Its attribute may name a colour space."""
         space = None
         if attribute.HasColorSpace():
-            space = self.colors.named(attribute.GetColorSpace(), attribute.GetPath())
+            space = self.colors.declared(attribute.GetColorSpace(), attribute)
         path = asset.resolvedPath
         if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
             self.report.warn(
@@ -182,7 +182,7 @@ class Textures:
 
 def has_curve(space: str) -> bool:
     """Whether stored values of a colour space are not linear."""
-    return space != "raw" and (space.startswith("srgb") or Gf.ColorSpace(space).GetGamma() != 1)
+    return space != "raw" and (space.startswith("srgb") or transfer(space)[0] != 1)
 
 
 @cache

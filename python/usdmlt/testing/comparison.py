@@ -13,6 +13,7 @@ import numpy.typing as npt
 from usdmlt import image
 from usdmlt.errors import Error, UsageError
 from usdmlt.image import Image
+from usdmlt.image_files import read_parts
 from usdmlt.testing import metrics, references
 from usdmlt.testing.batches import Batches, means
 from usdmlt.testing.error_layers import compare_errors
@@ -234,26 +235,18 @@ def read(path: str | os.PathLike[str]) -> tuple[Image, dict[str, npt.NDArray[np.
 
     Without R, G, B what is called Y, or the first channel there is, stands for all three.
     """
-    import OpenImageIO as oiio
-
-    file = oiio.ImageInput.open(os.fspath(path))
-    if file is None:
-        raise Error(f"cannot read {path}: {' '.join(oiio.geterror().split())}")
-    spec = file.spec()
-    names = list(spec.channelnames)
-    pixels = file.read_image(0, 0, 0, spec.nchannels, "float")
-    problem = " ".join(file.geterror().split())
-    file.close()
-    if pixels is None:
-        raise Error(f"cannot read {path}: {problem}")
-    layers = {name: pixels[..., i] for i, name in enumerate(names)}
-    if {"R", "G", "B"} <= set(names):
+    try:
+        _, channels = next(read_parts(path))
+    except OSError as error:
+        raise Error(f"cannot read {path}: {error}") from None
+    layers = {name: channel.astype(np.float32) for name, channel in channels.items()}
+    if {"R", "G", "B"} <= layers.keys():
         picture = image.read(path)
-        used = {"R", "G", "B", "A", image.ERROR_CHANNEL}
+        used = {"R", "G", "B", "A", "error.Y"}
         batches = references.read_batches(path, picture)
         picture = picture if batches is None else batches
     else:
-        grey = "Y" if "Y" in names else names[0]
+        grey = "Y" if "Y" in layers else next(iter(layers))
         alpha = layers.get("A", np.ones_like(layers[grey]))
         picture = Image({"color": np.dstack([layers[grey]] * 3), "alpha": alpha})
         used = {grey, "A"}

@@ -13,13 +13,14 @@ import os
 import numpy as np
 import numpy.typing as npt
 
-from usdmlt import files, image
+from usdmlt import exr, files, image
 from usdmlt.errors import Error
+from usdmlt.image_files import Part, write_parts
 from usdmlt.testing.batches import Batches, means
 from usdmlt.testing.statistics import LUMINANCE
 
 CELL = 2
-PART = "batches"
+PART = exr.STATISTICS_PART
 CHANNELS = "RGBA"
 
 
@@ -36,8 +37,8 @@ def write(path: str | os.PathLike[str], batches: Batches, cell: int = CELL) -> N
         for k, picture in enumerate(stored)
         for c, name in enumerate(CHANNELS)
     }
-    first = batches.exr_part()
-    first.attributes["oiio:subimagename"] = "picture"
+    first = exr.parts(batches)[0]
+    first.attributes["oiio:subimagename"] = exr.FIRST_PART
     attributes = {
         "oiio:subimagename": PART,
         "compression": "zip",
@@ -50,7 +51,7 @@ def write(path: str | os.PathLike[str], batches: Batches, cell: int = CELL) -> N
     whole = {"x": 0, "y": 0, "full_width": batches.width, "full_height": batches.height}
     window = first.data_window or whole  # and this one
     with files.replacing(path) as temporary:
-        image.write_parts(temporary, [first, image.Part(channels, attributes, window)])
+        write_parts(temporary, [first, Part(channels, attributes, window)])
 
 
 def read(path: str | os.PathLike[str]) -> Batches:
@@ -113,7 +114,7 @@ def comparable(batches: Batches, reference: Batches) -> npt.NDArray[np.float32]:
 
 def rounded(pictures: npt.NDArray[np.float32], scale: float) -> npt.NDArray[np.float32]:
     """To half floats of this scale; what is beyond their range is cut."""
-    half = np.clip(pictures / np.float32(scale), -image.HALF_MAX, image.HALF_MAX)
+    half = np.clip(pictures / np.float32(scale), -exr.HALF_MAX, exr.HALF_MAX)
     return np.asarray(half.astype(np.float16) * np.float32(scale), np.float32)
 
 

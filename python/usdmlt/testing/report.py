@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from usdmlt import color
-from usdmlt.image import Image, png_of
+from usdmlt import views
+from usdmlt.image import Image
+from usdmlt.image_files import png_of
 from usdmlt.testing import metrics
 from usdmlt.testing.comparison import Comparison, detectable
 
@@ -58,7 +59,7 @@ def section(entry: Entry) -> str:
     result = entry.comparison
     a, b = result.reference, result.picture
     exposure = _exposure(a)
-    views = [_png(color.srgb_view(x["color"] * exposure, x.color_space)) for x in (a, b)]
+    shown_as = [_png(views.encode(x["color"] * exposure, x.color_space)) for x in (a, b)]
     verdict = "different" if result.different else "the same"
     lines = "".join(f"<li>{html.escape(line)}</li>" for line in [*result.lines(), *entry.notes])
     commands = "".join(
@@ -76,8 +77,8 @@ def section(entry: Entry) -> str:
 <ul>{lines}</ul>
 <figure>
 <div class="slider" style="width:{a.width}px;height:{a.height}px">
-<img src="{views[0]}" alt="reference" width="{a.width}" height="{a.height}">
-<img class="over" src="{views[1]}" alt="picture" width="{a.width}" height="{a.height}">
+<img src="{shown_as[0]}" alt="reference" width="{a.width}" height="{a.height}">
+<img class="over" src="{shown_as[1]}" alt="picture" width="{a.width}" height="{a.height}">
 </div>
 <input type="range" min="0" max="100" value="50" aria-label="from reference to picture"
  style="width:{a.width}px">
