@@ -14,7 +14,6 @@ from usdmlt.settings import check_resolution
 Complexity = Literal["low", "medium", "high", "veryhigh"]
 ResolverContext = Literal["root", "inherit"]
 DoubleSided = Literal["on", "auto"]
-View = Literal["sRGB", "disabled"]  # of a .png
 KNOWN_PURPOSES = ("default", "render", "proxy", "guide")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
@@ -12,15 +13,14 @@ from dataclasses import asdict, dataclass, fields, replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
 from usdmlt import color, native
-from usdmlt._version import __version__
 from usdmlt.choice import choose
 from usdmlt.errors import UsageError, Warning
 from usdmlt.image import Image
 from usdmlt.interruption import Interruption
-from usdmlt.scene import Camera, Scene
+from usdmlt.making import metadata
+from usdmlt.previews import Preview
+from usdmlt.scene import Scene
 from usdmlt.settings import ResolvedIntegrator, Settings, check_resolution, merged
 
 if TYPE_CHECKING:
@@ -104,38 +104,62 @@ class Rendering:
         progress: Callable[[Progress], None] | None = None,
         stop: Callable[[], bool] | None = None,
         until: int | None = None,
+        previews: Sequence[Preview] = (),
     ) -> bool:
         """Render until all units are done, the time is over or ``stop()`` is true.
 
         ``until``: render units below this number only. ``progress`` and ``stop`` are called from
         this thread about ten times a second; units that have started by then are finished.
+        ``previews`` are shown the picture so far, each in its time, which does not count.
         Returns whether all units are done.
         """
-        started = perf_counter()
+        last = self.units_total if until is None else min(until, self.units_total)
+        seconds, limit = 0.0, self.settings.time
+        while True:
+            started, before = perf_counter(), seconds
+            due = started + min((preview.wait(started) for preview in previews), default=math.inf)
+            stopped = False
 
-        def poll(units_done: int) -> bool:
-            if progress is not None:
-                progress(self._progress(units_done, perf_counter() - started))
-            return stop is not None and stop()
+            def poll(units_done: int) -> bool:
+                nonlocal stopped
+                now = perf_counter()
+                if progress is not None:
+                    progress(self._progress(units_done, last, before + now - started))  # noqa: B023
+                stopped = stop is not None and stop()
+                return stopped or now >= due  # noqa: B023
 
-        self._render.run(
-            self.units_total if until is None else min(until, self.units_total),
-            threads=self.settings.resolved_threads,
-            deadline_seconds=self.settings.time,
-            poll=poll,
-        )
+            self._render.run(
+                last,
+                threads=self.settings.resolved_threads,
+                deadline_seconds=None if limit is None else limit - seconds,
+                poll=poll,
+            )
+            seconds += perf_counter() - started
+            over = stopped or self.units_done >= last or (limit is not None and seconds >= limit)
+            if over or not previews:
+                break
+            self._show(previews)
         if progress is not None:
-            progress(self._progress(self.units_done, perf_counter() - started))
+            progress(self._progress(self.units_done, last, seconds))
         return self.units_done == self.units_total
+
+    def _show(self, previews: Sequence[Preview]) -> None:
+        due = [preview for preview in previews if preview.wait(perf_counter()) <= 0]
+        if not due or self.units_done == 0:
+            return
+        with no_warnings():
+            image = self.image()
+        for preview in due:
+            preview.update(image)
 
     def image(self) -> Image:
         """The picture of the units done so far."""
         stats = self.stats()
         image = Image.from_rgba(
             self._render.image(),
-            color_space=self.scene.color_space,
+            color_space=color.rendering_space_name(self.scene.color_space),
             stats=stats,
-            metadata=_metadata(self.scene, stats),
+            metadata=metadata(self.scene, self.settings, stats),
         )
         if self.settings.error:
             image.channels["error"] = self._render.error()
@@ -183,11 +207,9 @@ class Rendering:
     def _pixels(self) -> int:
         return self.scene.width * self.scene.height
 
-    def _progress(self, units_done: int, seconds: float) -> Progress:
+    def _progress(self, units_done: int, last: int, seconds: float) -> Progress:
         samples_are = "mutations" if self.integrator == "mlt" else "samples"
-        return Progress(
-            units_done, self.units_total, self._render.samples_per_unit, seconds, samples_are
-        )
+        return Progress(units_done, last, self._render.samples_per_unit, seconds, samples_are)
 
 
 def render(
@@ -198,6 +220,8 @@ def render(
     width: int | None = None,
     height: int | None = None,
     progress: Callable[[Progress], None] | None = None,
+    preview: Callable[[Image], None] | None = None,
+    preview_seconds: float = 2.0,
     **options: Any,
 ) -> Image:
     """Render a USD stage, or a scene description, and return the picture.
@@ -205,6 +229,8 @@ def render(
     ``stage``: an open stage, the path of a file, or a :class:`usdmlt.scene.Scene`, which takes
     none of the options of reading.
     ``progress``: called about ten times a second with a :class:`Progress`.
+    ``preview``: called with the picture so far every ``preview_seconds``, and at last with the
+    whole; in a notebook :class:`usdmlt.notebook.Live`.
     ``options``: the fields of :class:`usdmlt.Settings`: integrator, samples, mutations, time,
     depth, seed, threads, filter, error, mutation_weights, direct, selective, two_stage, which go
     before what the stage itself asks for; all others are those of :func:`usdmlt.load`, as camera,
@@ -222,14 +248,18 @@ def render(
     """
     options |= {"camera": camera, "frame": frame, "width": width, "height": height}
     scene, given, _ = read(stage, options)
+    previews = [] if preview is None else [Preview(preview, preview_seconds)]
     rendering = Rendering(scene, merged(scene.settings, given))
     if rendering.settings.integrator == "auto":
         logger.info("auto: %s (%s)", rendering.integrator, rendering.choice.reason)
     with Interruption(signal.SIGINT) as interruption:
-        rendering.run(progress, stop=lambda: bool(interruption))
+        rendering.run(progress, stop=lambda: bool(interruption), previews=previews)
+    image = rendering.image()
+    for last in previews:
+        last.update(image)
     if interruption:
-        raise Interrupted(rendering.image())
-    return rendering.image()
+        raise Interrupted(image)
+    return image
 
 
 def read(
@@ -330,53 +360,3 @@ def _warn(stats: dict[str, Any]) -> None:
 def _listed(names: Sequence[str]) -> str:
     """Names for a warning, the first few of them."""
     return str(Warning("", [name or "unnamed" for name in names])).removeprefix(": ")
-
-
-def _metadata(scene: Scene, stats: dict[str, Any]) -> dict[str, Any]:
-    """What the picture's file says about its making."""
-    settings = stats["settings"]
-    window: Any = scene.metadata.get("data_window")
-    world_to_camera, world_to_ndc = _exr_camera(scene.camera, window)
-    return {
-        "data_window": window and asdict(window),
-        "renderer": f"usdmlt {__version__}",
-        "Software": f"usdmlt {__version__}",
-        "stage": scene.metadata.get("stage"),
-        "frame": scene.metadata.get("frame"),
-        "camera": scene.camera.name or None,
-        "integrator": settings["integrator"],
-        "mutations" if settings["integrator"] == "mlt" else "samples": stats["samples_per_pixel"],
-        "units": stats["units_done"],
-        "depth": settings["depth"],
-        "filter": settings["filter"],
-        "seed": settings["seed"],
-        "time": stats.get("seconds"),
-        "worldToCamera": world_to_camera,
-        "worldToNDC": world_to_ndc,
-    }
-
-
-def _exr_camera(camera: Camera, data_window: Any = None) -> tuple[np.ndarray, np.ndarray]:
-    """EXR's standard matrices, for row vectors: world to camera space, and on to the window.
-
-    ``data_window``: the part of the picture that the camera sees; None: all of it.
-
-    EXR's camera space is left-handed with +z forward; NDC is (0, 0) in the upper left corner of
-    the picture and (1, 1) in the lower right one, after division by w.
-    """
-    world_to_camera = np.linalg.inv(camera.transform) @ np.diag([1.0, 1.0, -1.0, 1.0])
-    left, right, bottom, top = camera.window
-    if data_window is not None:
-        pixel = (right - left) / data_window.width, (top - bottom) / data_window.height
-        left, top = left - data_window.x * pixel[0], top + data_window.y * pixel[1]
-        right = left + data_window.full_width * pixel[0]
-        bottom = top - data_window.full_height * pixel[1]
-    sx, sy = 1 / (right - left), 1 / (top - bottom)
-    projection = np.zeros((4, 4))
-    projection[0, 0], projection[1, 1] = sx, -sy
-    if camera.projection == "perspective":
-        projection[2] = [-left * sx, top * sy, 1.0, 1.0]
-    else:
-        projection[2, 2] = 1.0
-        projection[3] = [-left * sx, top * sy, 0.0, 1.0]
-    return world_to_camera, world_to_camera @ projection

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from usdmlt.cli.logs import add_verbosity
-from usdmlt.cli.view import add_view_flags, load_options
+from usdmlt.cli.reading import add_view_flags, load_options
 
 if TYPE_CHECKING:
     from usdmlt.stage import Inspection

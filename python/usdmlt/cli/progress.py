@@ -1,27 +1,42 @@
-"""How far the render is: a bar on a terminal, a line now and then elsewhere."""
+"""How far the render is: a bar on a terminal, a line now and then elsewhere, or for programs."""
 
 from __future__ import annotations
 
+import json
 import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
+from typing import TYPE_CHECKING, Any, Literal
 
-from usdmlt.rendering import Progress
-from usdmlt.settings import Settings
+if TYPE_CHECKING:
+    from usdmlt.rendering import Progress
+    from usdmlt.settings import Settings
 
 logger = logging.getLogger("usdmlt")
 
 SECONDS_BETWEEN_LINES = 10.0
+SECONDS_BETWEEN_RECORDS = 1.0
+
+ProgressStyle = Literal["plain", "json", "alfred"]
 
 
 @contextmanager
-def display(settings: Settings, quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
-    """A function that shows the progress it is called with; None when quiet."""
-    if quiet:
+def display(
+    settings: Settings, style: ProgressStyle | None, quiet: bool
+) -> Iterator[Callable[[Progress], None] | None]:
+    """A function that shows the progress it is called with; None when quiet.
+
+    What is for programs goes to stdout, quiet or not.
+    """
+    if style == "json":
+        yield _records(settings)
+    elif style == "alfred":
+        yield _alfred(settings)
+    elif quiet:
         yield None
-    elif sys.stderr.isatty():
+    elif style is None and sys.stderr.isatty():
         with _bar(settings) as show:
             yield show
     else:
@@ -95,5 +110,45 @@ def _lines(settings: Settings) -> Callable[[Progress], None]:
             last = perf_counter()
             percent = 100 * fraction_done(progress, settings.time)
             logger.info("%.0f %%, %s", percent, describe(progress, settings.time))
+
+    return show
+
+
+def _records(settings: Settings) -> Callable[[Progress], None]:
+    """JSON, an object a line: once a second, and at the end."""
+    last = perf_counter()
+
+    def show(progress: Progress) -> None:
+        nonlocal last
+        is_last = progress.units_done == progress.units_total
+        if is_last or perf_counter() - last >= SECONDS_BETWEEN_RECORDS:
+            last = perf_counter()
+            print(json.dumps(record(progress, settings.time)), flush=True)
+
+    return show
+
+
+def record(progress: Progress, time_limit: float | None) -> dict[str, Any]:
+    """The progress as JSON has it; ``fraction`` is of the units, or of the time."""
+    return {
+        "fraction": fraction_done(progress, time_limit),
+        "units_done": progress.units_done,
+        "units_total": progress.units_total,
+        progress.samples_are: progress.samples_done,
+        "seconds": progress.seconds,
+        "remaining_seconds": remaining_seconds(progress, time_limit),
+    }
+
+
+def _alfred(settings: Settings) -> Callable[[Progress], None]:
+    """Whole percents, as Pixar's Alfred and Tractor read them."""
+    last = -1
+
+    def show(progress: Progress) -> None:
+        nonlocal last
+        percent = int(100 * fraction_done(progress, settings.time))
+        if percent != last:
+            last = percent
+            print(f"ALF_PROGRESS {percent}%", flush=True)
 
     return show

@@ -8,15 +8,18 @@ import logging
 import os
 import signal
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from usdmlt._version import __version__
 from usdmlt.cli.frames import check_placeholder, frame_path, parse_frames
 from usdmlt.cli.logs import add_verbosity
+from usdmlt.cli.pictures import Pictures, add_looking_flags, add_writing_flags
+from usdmlt.cli.progress import ProgressStyle
+from usdmlt.cli.reading import add_view_flags, load_options
 from usdmlt.cli.tracing import add_tracing_flags, tracing
-from usdmlt.cli.view import add_view_flags, load_options
 from usdmlt.errors import Error, UsageError
-from usdmlt.options import View
 from usdmlt.settings import MUTATIONS, DirectName, FilterName, IntegratorName, Settings, merged
 
 if TYPE_CHECKING:
@@ -31,16 +34,24 @@ def add_parser(subparsers: Any) -> None:
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "render",
         help="render a stage to an image file",
-        description="Render STAGE to OUTPUT, an .exr (linear RGBA, error.Y) or a .png (sRGB view).",
+        description="Render STAGE to OUTPUT: an .exr, linear with all layers, or a .png or .jpg, "
+        "a view of it.",
         allow_abbrev=False,
     )
-    view = add_view_flags(parser)
+    view = add_view_flags(parser, stage_is_needed=False)
     parser.add_argument(
         "output",
         metavar="OUTPUT",
         nargs="?",
         help="image file; with --frames its name holds a placeholder: shot.####.exr "
         "(default: the products of the render settings)",
+    )
+    parser.add_argument(
+        "--from",
+        dest="made",
+        metavar="PICTURE.exr",
+        help="render a picture of usdmlt again, by what its file says, to OUTPUT "
+        "(default: NAME_again.exr); flags change it",
     )
     times = view.add_mutually_exclusive_group()
     times.add_argument(
@@ -59,18 +70,7 @@ def add_parser(subparsers: Any) -> None:
     view.add_argument(
         "--list-cameras", action="store_true", help="print the paths of the cameras and do no more"
     )
-    written = parser.add_argument_group("what is written")
-    written.add_argument(
-        "--colorCorrectionMode",
-        "-color",
-        choices=get_args(View),
-        default="sRGB",
-        help="of a .png: sRGB, or linear values (default: %(default)s); an .exr is always linear",
-    )
-    written.add_argument(
-        "--skip-existing", action="store_true", help="leave out frames whose file is there already"
-    )
-
+    add_writing_flags(parser)
     how = parser.add_argument_group(
         "how it is rendered",
         "Without these flags, what the usdmlt: attributes of the render settings say.",
@@ -146,7 +146,14 @@ def add_parser(subparsers: Any) -> None:
         action=argparse.BooleanOptionalAction,
         help="make a coarse picture first, so that dark parts get nearly as much work",
     )
+    add_looking_flags(parser)
     report = parser.add_argument_group("what is reported")
+    report.add_argument(
+        "--progress",
+        choices=get_args(ProgressStyle),
+        help="plain: a line now and then; json: a line of JSON a second, on stdout; alfred: "
+        "`ALF_PROGRESS 12%%` on stdout (default: a bar on a terminal, else plain)",
+    )
     report.add_argument(
         "--stats",
         metavar="FILE.json",
@@ -177,6 +184,19 @@ class Job:
     stats: str | None
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What the flags ask for: the stage, the options of reading, and those of rendering.
+
+    ``until``: the number of work units where a picture is made again, else None.
+    """
+
+    stage: str
+    options: dict[str, Any]
+    settings: dict[str, Any]
+    until: int | None = None
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Render every frame; the exit status."""
     with tracing(arguments.traceToFile, arguments.traceFormat):
@@ -186,27 +206,61 @@ def run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from usdmlt import files
 
-    given = _given(arguments)
-    Settings(**given)
-    options = load_options(arguments) | {"strict": arguments.strict}
+    asked = _asked(arguments)
     if arguments.list_cameras:
         from usdmlt.stage import camera_paths
 
-        for camera in camera_paths(arguments.stage, **options):
+        for camera in camera_paths(asked.stage, **asked.options):
             print(camera)
         return 0
-    jobs = _jobs(arguments, options)
+    jobs = _jobs(arguments, asked)
     if arguments.skip_existing:
         jobs = [job for job in jobs if not _exists(job.output)]
     for job in jobs:
         for path in (job.output, job.stats):
             if path:
                 files.check_writable(path)
+    pictures = Pictures(arguments, [job.output for job in jobs])
     for job in jobs:
-        status = _render(arguments, given, job, options)
+        status = _render(arguments, asked, job, pictures)
         if status:
             return status
     return 0
+
+
+def _asked(arguments: argparse.Namespace) -> Asked:
+    """The flags, over what a picture says that is made again; checked."""
+    given = _given(arguments)
+    Settings(**given)
+    options = load_options(arguments) | {"strict": arguments.strict}
+    if arguments.made is None:
+        if arguments.stage is None:
+            raise UsageError("name the STAGE to render, or a picture --from which to make it again")
+        return Asked(arguments.stage, options, given)
+    from usdmlt.making import read_making
+    from usdmlt.options import LoadOptions
+
+    making = read_making(arguments.made)
+    if making.version != __version__:
+        logger.warning(
+            "%s was made by usdmlt %s, and this is %s: the bits may differ",
+            arguments.made,
+            making.version,
+            __version__,
+        )
+    if arguments.output is None:
+        again = Path(arguments.made)
+        again = again.with_name(f"{again.stem}_again{again.suffix}")
+        arguments.stage, arguments.output = None, arguments.stage or str(again)
+    changed = {name: value for name, value in options.items() if value}
+    changed = {n: v for n, v in changed.items() if v != getattr(LoadOptions(), n)}
+    settings = asdict(merged(making.settings, given))
+    return Asked(
+        arguments.stage or making.stage,
+        making.options | changed,
+        settings,
+        None if {"samples", "mutations", "time"} & given.keys() else making.units,
+    )
 
 
 def _given(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -219,7 +273,7 @@ def _given(arguments: argparse.Namespace) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def _jobs(arguments: argparse.Namespace, options: dict[str, Any]) -> list[Job]:
+def _jobs(arguments: argparse.Namespace, asked: Asked) -> list[Job]:
     """All pictures, their files' names checked."""
     from usdmlt import image
 
@@ -227,7 +281,7 @@ def _jobs(arguments: argparse.Namespace, options: dict[str, Any]) -> list[Job]:
     times: Sequence[float | Literal["default"] | None]
     times = ["default"] if arguments.defaultTime else frames or [None]
     if arguments.output is None:
-        return _product_jobs(arguments, times, options)
+        return _product_jobs(arguments, times, asked.options)
     image.check_extension(arguments.output)
     for path in (arguments.output, arguments.stats):
         if path:
@@ -293,9 +347,7 @@ def parse_weights(flags: Sequence[str] | None) -> dict[str, float] | None:
     return weights
 
 
-def _render(
-    arguments: argparse.Namespace, given: dict[str, Any], job: Job, options: dict[str, Any]
-) -> int:
+def _render(arguments: argparse.Namespace, asked: Asked, job: Job, pictures: Pictures) -> int:
     """Render and write one picture; 0, or 128 + the number of the signal that stopped it."""
     from usdmlt import files
     from usdmlt.cli.progress import display
@@ -303,18 +355,27 @@ def _render(
     from usdmlt.rendering import Rendering
     from usdmlt.stage import load
 
-    scene = load(arguments.stage, frame=job.frame, product=job.product, **options)
-    settings = merged(scene.settings, given)
+    options = dict(asked.options)
+    if job.frame is not None:
+        options["frame"] = job.frame
+    if job.product is not None:
+        options["product"] = job.product
+    scene = load(asked.stage, **options)
+    settings = merged(scene.settings, asked.settings)
     rendering = Rendering(scene, settings)
-    logger.info("%s", _description(arguments.stage, rendering))
+    logger.info("%s", _description(asked.stage, rendering))
     with Interruption(signal.SIGINT, signal.SIGTERM, always=True) as interruption:
-        with display(settings, quiet=arguments.verbosity < 0) as progress:
-            rendering.run(progress, stop=lambda: bool(interruption))
-        if rendering.units_done == 0:
+        with pictures.previews(job.output) as previews:
+            with display(settings, arguments.progress, arguments.verbosity < 0) as progress:
+                rendering.run(
+                    progress, stop=lambda: bool(interruption), until=asked.until, previews=previews
+                )
+            image = rendering.image() if rendering.units_done else None
+            if image is not None:
+                pictures.write(image, job.output)
+        if image is None:
             logger.warning("stopped before any work was done: nothing was written")
         else:
-            image = rendering.image()
-            image.write(job.output, arguments.colorCorrectionMode)
             if job.stats:
                 files.write_text(job.stats, json.dumps(image.stats, indent=2) + "\n")
             logger.info("%s", _outcome(job.output, rendering, image.stats))

@@ -12,6 +12,7 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from usdmlt.errors import Report, UsageError
+from usdmlt.making import kept_options
 from usdmlt.options import LoadOptions
 from usdmlt.scene import Camera, Scene
 from usdmlt.stage.cameras import all_cameras, conformed, find_camera, read_camera, resolve_size
@@ -115,6 +116,8 @@ def read_stage(
         _fit_picture(scene, options, settings)
         scene.settings = settings.usdmlt
         scene.metadata |= _metadata(opened, time, settings, shown)
+        if not isinstance(stage, Usd.Stage):
+            scene.metadata["options"] = kept_options(options)
     return Reading(scene, reason, settings, opened)
 
 
