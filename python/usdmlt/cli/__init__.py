@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from usdmlt import __version__
-from usdmlt.cli import bench, compare, doctor, inspect, render
+from usdmlt.cli import bench, compare, doctor, inspect, render, view
 from usdmlt.cli.logs import configure_logging
 
-SUBCOMMANDS = (render, compare, inspect, bench, doctor)
+SUBCOMMANDS = (render, view, compare, inspect, bench, doctor)
 
 
 class Parser(argparse.ArgumentParser):
