@@ -1,14 +1,67 @@
 #include "film/film.hpp"
 
+#include <bit>
+
 namespace usdmlt {
 
-Film::Film(int width, int height, double scale, bool with_splats, bool with_error)
-    : width_(width), height_(height), scale_(scale) {
+Film::Film(int width, int height, double scale, bool with_splats, bool with_error, int layers)
+    : width_(width), height_(height), layers_(layers), scale_(scale) {
     const size_t pixels = size_t(width) * height;
     samples_.assign(pixels * 5, 0);
     if (with_splats) splats_.assign(pixels * 3, 0);
     if (with_error) squares_.assign(pixels, 0);
     if (with_error && with_splats) batch_sums_.assign(pixels * batches, 0);
+    layer_samples_.assign(pixels * size_t(layers) * 3, 0);
+    if (with_splats) layer_splats_.assign(pixels * size_t(layers) * 3, 0);
+}
+
+// Each part is rounded for itself, and what is then too much or missing is the largest one's.
+void Film::add_parts(std::vector<int64_t>& sums, size_t pixel, const double all[3],
+                     const LayerSums& parts) {
+    const auto magnitude = [](const LayerSums::Part& part) {
+        return std::fabs(part.value[0]) + std::fabs(part.value[1]) + std::fabs(part.value[2]);
+    };
+    const LayerSums::Part* largest = nullptr;
+    for (const LayerSums::Part& part : parts.parts)
+        if (!largest || magnitude(part) > magnitude(*largest)) largest = &part;
+    if (!largest) return;
+    int64_t rest[3];
+    for (int c = 0; c < 3; ++c) {
+        if (!(std::fabs(all[c] * scale_) < limit)) return;  // the picture lacks it too
+        rest[c] = std::llrint(all[c] * scale_);
+    }
+    const auto add_to_layers = [&](LayerMask mask, const int64_t value[3]) {
+        for (; mask != 0; mask &= mask - 1) {
+            int64_t* sum = &sums[layer_index(pixel, std::countr_zero(mask))];
+            for (int c = 0; c < 3; ++c)
+                if (value[c] != 0)
+                    std::atomic_ref<int64_t>(sum[c]).fetch_add(value[c], std::memory_order_relaxed);
+        }
+    };
+    for (const LayerSums::Part& part : parts.parts) {
+        if (&part == largest) continue;
+        int64_t value[3];
+        for (int c = 0; c < 3; ++c) {
+            value[c] = std::llrint(std::clamp(part.value[c] * scale_, -limit, limit));
+            rest[c] -= value[c];
+        }
+        add_to_layers(part.mask, value);
+    }
+    add_to_layers(largest->mask, rest);
+}
+
+void Film::develop_layer(int layer, float* rgb, double splats_per_pixel, double exposure) const {
+    const size_t pixels = size_t(width_) * height_;
+    const double splat_scale = splats_per_pixel > 0 ? 1 / (splats_per_pixel * scale_) : 0;
+    for (size_t i = 0; i < pixels; ++i) {
+        const int64_t n = sample_count(i);
+        const double sample_scale = n > 0 ? 1 / (double(n) * scale_) : 0;
+        for (int c = 0; c < 3; ++c)
+            rgb[i * 3 + size_t(c)] =
+                static_cast<float>((double(sample_sum(i, c, layer)) * sample_scale +
+                                    double(splat_sum(i, c, layer)) * splat_scale) *
+                                   exposure);
+    }
 }
 
 int64_t Film::sample_count() const {

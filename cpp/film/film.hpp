@@ -5,7 +5,10 @@
 //   samples  values of camera samples, by the number of samples of their own pixel;
 //   splats   contributions of paths anywhere, by their number per pixel of the whole image.
 // Beside them, for the error of the luminance: squares of samples, and splats by batch, each of
-// which is a sixteenth of the work.
+// which is a sixteenth of the work; and layers: sums of the same kinds, of some of the paths each.
+//
+// A deposit is rounded once, and its parts so that they make it up exactly: layers that share all
+// paths among them sum to the picture, integer for integer.
 #pragma once
 
 #include <algorithm>
@@ -16,6 +19,7 @@
 #include <vector>
 
 #include "base/spectrum.hpp"
+#include "film/layer_sums.hpp"
 
 namespace usdmlt {
 
@@ -25,19 +29,22 @@ public:
 
     // `scale` turns radiance into fixed point; it is part of the plan and independent of the
     // number of samples.
-    Film(int width, int height, double scale, bool with_splats, bool with_error);
+    Film(int width, int height, double scale, bool with_splats, bool with_error, int layers = 0);
 
     int width() const { return width_; }
     int height() const { return height_; }
     double scale() const { return scale_; }
     bool has_splats() const { return !splats_.empty(); }
     bool has_error() const { return !squares_.empty(); }
+    int layers() const { return layers_; }
 
-    // Adds one sample of a pixel; alpha in the fourth lane of doubles.
-    void add_sample(int x, int y, const double value[4]) {
+    // Adds one sample of a pixel; alpha in the fourth lane of doubles. `parts`: of the value, where
+    // there are layers.
+    void add_sample(int x, int y, const double value[4], const LayerSums* parts = nullptr) {
         const size_t i = index(x, y);
         int64_t* p = &samples_[i * 5];
         for (int c = 0; c < 3; ++c) add(p[c], value[c] * scale_);
+        if (parts) add_parts(layer_samples_, i, value, *parts);
         add(p[3], value[3] * alpha_unit);
         std::atomic_ref<int64_t>(p[4]).fetch_add(1, std::memory_order_relaxed);
         if (has_error()) {
@@ -45,16 +52,36 @@ public:
             add(squares_[i], std::min(v * scale_ * (v * scale_) * square_unit, 0x1p60));
         }
     }
-    void add_splat(int x, int y, const Spectrum& value, int batch) {
+    void add_splat(int x, int y, const Spectrum& value, int batch,
+                   const LayerSums* parts = nullptr) {
         const size_t i = index(x, y);
         int64_t* p = &splats_[i * 3];
         for (int c = 0; c < 3; ++c) add(p[c], value[c] * scale_);
+        if (parts) {
+            const double all[3] = {value[0], value[1], value[2]};
+            add_parts(layer_splats_, i, all, *parts);
+        }
         if (has_error()) add(batch_sums_[i * batches + size_t(batch)], luminance(value) * scale_);
     }
 
     // RGBA in row-major order, top row first: samples / their count + splats / splats_per_pixel.
     // Not to be called while units are running.
     void develop(float* rgba, double splats_per_pixel, double exposure) const;
+
+    // RGB of one layer.
+    void develop_layer(int layer, float* rgb, double splats_per_pixel, double exposure) const;
+
+    // The sums themselves by pixel and channel, of samples and of splats; layer −1: the picture.
+    int64_t sample_sum(size_t pixel, int channel, int layer) const {
+        return layer < 0 ? samples_[pixel * 5 + size_t(channel)]
+                         : layer_samples_[layer_index(pixel, layer) + size_t(channel)];
+    }
+    int64_t splat_sum(size_t pixel, int channel, int layer) const {
+        if (splats_.empty()) return 0;
+        return layer < 0 ? splats_[pixel * 3 + size_t(channel)]
+                         : layer_splats_[layer_index(pixel, layer) + size_t(channel)];
+    }
+    int64_t sample_count(size_t pixel) const { return samples_[pixel * 5 + 4]; }
 
     // Standard error of the picture's luminance by pixel: from the spread of the samples, taken as
     // independent, and of the batches of splats; share[b] is the part of all splats in batch b.
@@ -67,8 +94,12 @@ public:
 
 private:
     size_t index(int x, int y) const { return size_t(y) * width_ + x; }
+    size_t layer_index(size_t pixel, int layer) const {
+        return (pixel * size_t(layers_) + size_t(layer)) * 3;
+    }
+    void add_parts(std::vector<int64_t>& sums, size_t pixel, const double all[3],
+                   const LayerSums& parts);
     void add(int64_t& sum, double fixed) {
-        constexpr double limit = 0x1p62;
         if (!(std::fabs(fixed) < limit)) {
             overflows_.fetch_add(1, std::memory_order_relaxed);
             return;
@@ -80,17 +111,20 @@ private:
             overflows_.fetch_add(1, std::memory_order_relaxed);
     }
 
+    static constexpr double limit = 0x1p62;
+
     // Alpha has no unit of light: its fixed point is the same in dark scenes and in bright ones.
     static constexpr double alpha_unit = 0x1p26;
     // Squares are kept coarser, so that those of bright samples fit.
     static constexpr double square_unit = 0x1p-32;
 
-    int width_, height_;
+    int width_, height_, layers_;
     double scale_;
-    std::vector<int64_t> samples_;     // r, g, b, alpha, count per pixel
-    std::vector<int64_t> splats_;      // r, g, b per pixel
-    std::vector<int64_t> squares_;     // of the samples' luminance, per pixel
-    std::vector<int64_t> batch_sums_;  // luminance of splats per pixel and batch
+    std::vector<int64_t> samples_;                       // r, g, b, alpha, count per pixel
+    std::vector<int64_t> splats_;                        // r, g, b per pixel
+    std::vector<int64_t> squares_;                       // of the samples' luminance, per pixel
+    std::vector<int64_t> batch_sums_;                    // luminance of splats per pixel and batch
+    std::vector<int64_t> layer_samples_, layer_splats_;  // r, g, b per pixel and layer
     std::atomic<uint64_t> overflows_{0};
 };
 

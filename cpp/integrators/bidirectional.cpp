@@ -11,6 +11,7 @@ struct FilmSink {
     float reduction;
     Film& film;
     int batch;
+    LayerScratch* layers;  // null: the film has none
     Spectrum sum;
     int x = 0, y = 0;  // of the splat
 
@@ -27,8 +28,14 @@ struct FilmSink {
         return true;
     }
     void add(const StrategySample& sample) {
-        if (sample.t == 1)
-            film.add_splat(x, y, sample.value, batch);
+        const bool splats = sample.t == 1;
+        LayerSums* parts = layers ? &(splats ? layers->splat : layers->sample) : nullptr;
+        if (parts) {
+            if (splats) parts->clear();
+            add_to_layers(sample, sample.value, layers->classes, *parts);
+        }
+        if (splats)
+            film.add_splat(x, y, sample.value, batch, parts);
         else
             sum += sample.value;
     }
@@ -37,10 +44,10 @@ struct FilmSink {
 }  // namespace
 
 void render_bidirectional_unit(const Scene& scene, const Settings& settings, const Tiles& tiles,
-                               int64_t index, StrategyScratch& scratch, Film& film,
-                               UnitStatistics& statistics) {
+                               int64_t index, StrategyScratch& scratch, LayerScratch* layers,
+                               Film& film, UnitStatistics& statistics) {
     const Tiles::Unit unit = tiles.unit(index);
-    FilmSink sink{settings.filter, float(settings.reduction), film, unit.batch(), {}};
+    FilmSink sink{settings.filter, float(settings.reduction), film, unit.batch(), layers, {}};
     StrategySampler sampler(scene, settings, scratch, statistics, sink);
     for (int y = unit.y0; y < unit.y1; ++y)
         for (int x = unit.x0; x < unit.x1; ++x) {
@@ -53,11 +60,12 @@ void render_bidirectional_unit(const Scene& scene, const Settings& settings, con
             if (settings.filter.kind != PixelFilter::Kind::box)
                 raster = raster + settings.filter.offset(camera_sampler.next_2d());
             sink.sum = {};
+            if (layers) layers->sample.clear();
             sampler.sample(camera_sampler, light_sampler, raster);
             const bool covered = scratch.camera.count > 1 && scratch.camera[1].is_surface();
             ++statistics.samples;
             const double sum[4] = {sink.sum[0], sink.sum[1], sink.sum[2], covered ? 1.0 : 0.0};
-            film.add_sample(x, y, sum);
+            film.add_sample(x, y, sum, layers ? &layers->sample : nullptr);
         }
 }
 

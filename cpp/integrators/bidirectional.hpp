@@ -3,13 +3,13 @@
 #pragma once
 
 #include "film/film.hpp"
-#include "integrators/strategies.hpp"
+#include "integrators/strategy_layers.hpp"
 #include "integrators/tiles.hpp"
 
 namespace usdmlt {
 
 void render_bidirectional_unit(const Scene& scene, const Settings& settings, const Tiles& tiles,
-                               int64_t index, StrategyScratch& scratch, Film& film,
-                               UnitStatistics& statistics);
+                               int64_t index, StrategyScratch& scratch, LayerScratch* layers,
+                               Film& film, UnitStatistics& statistics);
 
 }  // namespace usdmlt

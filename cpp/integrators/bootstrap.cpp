@@ -99,11 +99,17 @@ struct EntrySink {
                            static_cast<uint16_t>(sample.s), static_cast<uint16_t>(sample.t)});
     }
     void record(const StrategySample& sample, const Spectrum& value) {
+        LayerScratch* layers = recorder->layers;
         if (sample.t == 1) {
-            recorder->splat(splat, value * static_cast<float>(splat_scale), class_of(sample),
-                            random);
+            const Spectrum scaled = value * static_cast<float>(splat_scale);
+            if (layers) {
+                layers->splat.clear();
+                add_to_layers(sample, scaled, layers->classes, layers->splat);
+            }
+            recorder->splat(splat, scaled, class_of(sample), random);
         } else if (in_image) {
             camera += value;
+            if (layers) add_to_layers(sample, value, layers->classes, layers->sample);
             recorder->classes->add(class_of(sample), luminance(value) * splat_scale);
         }
     }

@@ -11,7 +11,7 @@
 
 #include "integrators/path_target.hpp"
 #include "integrators/pixel_subset.hpp"
-#include "integrators/strategies.hpp"
+#include "integrators/strategy_layers.hpp"
 
 namespace usdmlt {
 

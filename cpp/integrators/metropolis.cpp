@@ -256,7 +256,10 @@ void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int6
                                .reduction = float(plan.paths.reduction),
                                .classes = &counts.classes,
                                .scale = 0,
-                               .batch = static_cast<int>(index % Film::batches)};
+                               .batch = static_cast<int>(index % Film::batches),
+                               .layers = scratch.layers};
+    scratch.path.layers = scratch.layers;
+    LayerSums* const parts = scratch.layers ? &scratch.layers->sample : nullptr;
     const uint64_t non_finite = scratch.target.non_finite();
 
     // Camera samples; splats of the film are normalised by the number of mutations.
@@ -265,6 +268,7 @@ void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int6
     scratch.bootstrap.begin_pixels(unit_key(plan.paths, 3, 0));
     plan.pixels.for_each(index, unit_key(plan.paths, 4, 0), [&](const PixelSubset::Place& place) {
         double sum[4] = {0, 0, 0, 0};
+        if (parts) parts->clear();
         if (plan.has_chains()) {
             const CameraSample sample = scratch.bootstrap.add_pixel(place, scratch.target.recorder,
                                                                     splat_scale, counts.bootstrap);
@@ -273,9 +277,11 @@ void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int6
             ++counts.bootstrap_samples;
         }
         if (!place.in_image) return;
-        if (plan.direct_samples > 0)
+        if (plan.direct_samples > 0) {
+            if (parts) parts->scale = 1.0 / plan.direct_samples;
             add_direct_light(scene, plan, place, scratch.path, statistics, sum);
-        film.add_sample(place.x, place.y, sum);
+        }
+        film.add_sample(place.x, place.y, sum, parts);
     });
 
     if (plan.has_chains()) {

@@ -60,6 +60,7 @@ struct MetropolisScratch {
     std::vector<size_t> starts;
     MetropolisUnitStatistics statistics;
     PathTracerScratch path;
+    LayerScratch* layers = nullptr;  // of the thread; null: the film has none
 
     MetropolisScratch(const Scene& scene, const MetropolisPlan& plan);
 };

@@ -3,6 +3,18 @@
 #include <limits>
 
 namespace usdmlt {
+namespace {
+
+void add_to_layers(const Path& path, const Spectrum& value, LayerScratch& layers) {
+    layers.splat.clear();
+    layers.classes.begin();
+    for (int i = path.edges() - 1; i > 0; --i)
+        layers.classes.scatter(
+            scattering_event(path[i], path.to_light(i), path.to_eye(i), path.at(i).component));
+    layers.classes.end(path[0], path[1], path.at(1).direction, value, layers.splat);
+}
+
+}  // namespace
 
 bool PathTarget::evaluate(State& state, int first, int last) {
     const Contribution f = product_of_factors(state.path);
@@ -78,9 +90,10 @@ void PathTarget::deposit(const State& state, double weight) {
     if (recorder.pilot)
         recorder.pilot->add(context_, state.path, state.target, weight * luminance(state.color),
                             weight);
-    if (recorder.film)
-        recorder.splat(state.path.raster, state.color * static_cast<float>(weight * recorder.scale),
-                       class_of(state.path), context_.random);
+    if (!recorder.film) return;
+    const Spectrum value = state.color * static_cast<float>(weight * recorder.scale);
+    if (recorder.layers) add_to_layers(state.path, value, *recorder.layers);
+    recorder.splat(state.path.raster, value, class_of(state.path), context_.random);
 }
 
 }  // namespace usdmlt

@@ -11,6 +11,7 @@
 #include "integrators/pilot_notes.hpp"
 #include "integrators/split.hpp"
 #include "mutations/mutations.hpp"
+#include "paths/light_path_classes.hpp"
 
 namespace usdmlt {
 
@@ -33,8 +34,9 @@ struct PathRecorder {
     PathClasses* classes = nullptr;
     double scale = 1;  // of the chains: b of the unit
     int batch = 0;
+    LayerScratch* layers = nullptr;  // null: the film has none
 
-    // A path of one class that lands at `raster`.
+    // A path of one class that lands at `raster`; its parts are in layers->splat.
     void splat(Vec2f raster, const Spectrum& value, uint64_t path_class,
                RandomStream& random) const {
         Vec2f offset;
@@ -42,7 +44,8 @@ struct PathRecorder {
         const float x = std::floor((raster.x - offset.x) / reduction);
         const float y = std::floor((raster.y - offset.y) / reduction);
         if (!(x >= 0 && y >= 0 && x < float(film->width()) && y < float(film->height()))) return;
-        film->add_splat(static_cast<int>(x), static_cast<int>(y), value, batch);
+        film->add_splat(static_cast<int>(x), static_cast<int>(y), value, batch,
+                        layers ? &layers->splat : nullptr);
         classes->add(path_class, luminance(value));
     }
 };

@@ -39,6 +39,8 @@ Spectrum direct_light(const Scene& scene, Sampler& sampler, const SubpathVertex&
 Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampler, Vec2f raster,
                     PathTracerScratch& scratch, UnitStatistics& statistics, float& alpha) {
     const Camera& camera = scene.camera;
+    LayerScratch* const layers = scratch.layers;
+    if (layers) layers->classes.begin();
     SubpathVertex* previous = &scratch.vertices[0];
     SubpathVertex* v = &scratch.vertices[1];
     SubpathVertex& x0 = scratch.vertices[2];
@@ -57,10 +59,11 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
     const auto record = [&](const Spectrum& value, int edges) {
         if (!is_finite(value)) {
             ++statistics.non_finite;
-            return;
+            return false;
         }
         radiance_sum += value;
         statistics.energy[static_cast<size_t>(edges)] += luminance(value);
+        return layers && !is_black(value);
     };
     for (int k = 1; k <= settings.depth; ++k) {
         const int pair = first_pair + (k - 1) * bounce_pairs;
@@ -84,7 +87,8 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
                     const double direct = pdf_direct(scene.lights, v->light, previous->position);
                     value *= static_cast<float>(1 / (1 + squared_ratio(direct, p)));
                 }
-                record(value, k);
+                if (record(value, k))
+                    layers->classes.end(*v, *previous, -ray.direction, value, layers->sample);
             }
         }
         if (v->infinite || v->closure.lobe_count == 0 || k == settings.depth) break;
@@ -92,8 +96,15 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         v->throughput = throughput;
         v->to_previous = -ray.direction;
         sampler.seek(pair + light_pair);
-        if (v->closure.has_non_delta && k + 1 >= settings.min_edges)
-            record(direct_light(scene, sampler, *v, *previous, x0, statistics.rays), k + 1);
+        if (v->closure.has_non_delta && k + 1 >= settings.min_edges) {
+            const Spectrum value = direct_light(scene, sampler, *v, *previous, x0, statistics.rays);
+            if (record(value, k + 1)) {
+                const Vec3f from_light = direction_to(x0, *v);
+                layers->classes.scatter_and_end(
+                    scattering_event(*v, -from_light, v->to_previous, non_delta), x0, *v,
+                    from_light, value, layers->sample);
+            }
+        }
 
         sampler.seek(pair + direction_pair);
         const Vec2f u = sampler.next_2d();
@@ -102,6 +113,9 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         ClosureSample sample;
         if (!v->closure.sample(-ray.direction, Known::eye, choice.x, u, sample)) break;
         v->component = sample.component;
+        if (layers)
+            layers->classes.scatter(
+                scattering_event(*v, sample.direction, v->to_previous, sample.component));
         throughput *= sampling_weight(*v, -ray.direction, Known::eye, sample);
         eta_squared *= refraction_scale(*v, v->to_previous, Known::eye, sample);
         const float w = max_component(throughput) * eta_squared;
@@ -131,11 +145,12 @@ void render_path_unit(const Scene& scene, const Settings& settings, const Tiles&
             if (settings.filter.kind != PixelFilter::Kind::box)
                 raster = raster + settings.filter.offset(sampler.next_2d());
             float alpha;
+            if (scratch.layers) scratch.layers->sample.clear();
             const Spectrum value =
                 trace_path(scene, settings, sampler, raster, scratch, statistics, alpha);
             ++statistics.samples;
             const double sum[4] = {value[0], value[1], value[2], alpha};
-            film.add_sample(x, y, sum);
+            film.add_sample(x, y, sum, scratch.layers ? &scratch.layers->sample : nullptr);
         }
 }
 

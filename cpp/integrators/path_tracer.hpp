@@ -7,6 +7,7 @@
 #include "integrators/settings.hpp"
 #include "integrators/statistics.hpp"
 #include "integrators/tiles.hpp"
+#include "paths/light_path_classes.hpp"
 #include "paths/subpath.hpp"
 
 namespace usdmlt {
@@ -14,6 +15,7 @@ namespace usdmlt {
 // The memory of one thread.
 struct PathTracerScratch {
     SubpathVertex vertices[3];
+    LayerScratch* layers = nullptr;  // gets the parts of the radiance, unless null
 };
 
 // Radiance along one camera sample, and its alpha.

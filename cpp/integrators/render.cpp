@@ -62,6 +62,7 @@ struct ThreadState {
     PathTracerScratch path;
     std::unique_ptr<StrategyScratch> bidirectional;
     std::unique_ptr<MetropolisScratch> metropolis;
+    std::unique_ptr<LayerScratch> layers;
     UnitStatistics statistics;
     double cpu_seconds = 0;
 
@@ -70,6 +71,11 @@ struct ThreadState {
         if (settings.integrator == IntegratorKind::bidirectional)
             bidirectional = std::make_unique<StrategyScratch>(settings.depth);
         if (plan) metropolis = std::make_unique<MetropolisScratch>(scene, *plan);
+        if (!settings.layers) return;
+        layers = std::make_unique<LayerScratch>(
+            LayerScratch{LightPathClasses(scene, *settings.layers), {}, {}});
+        path.layers = layers.get();
+        if (plan) metropolis->layers = layers.get();
     }
 };
 
@@ -81,7 +87,7 @@ void render_unit(const Scene& scene, const Settings& settings, const MetropolisP
                                     thread.statistics);
         case IntegratorKind::bidirectional:
             return render_bidirectional_unit(scene, settings, tiles, index, *thread.bidirectional,
-                                             film, thread.statistics);
+                                             thread.layers.get(), film, thread.statistics);
         case IntegratorKind::metropolis:
             return render_metropolis_unit(scene, *plan, index, *thread.metropolis, film,
                                           thread.statistics);
@@ -99,7 +105,8 @@ Render::Render(std::shared_ptr<const Scene> scene, const Settings& settings)
                       ? std::make_unique<MetropolisPlan>(*scene_, settings_)
                       : nullptr),
       film_(tiles_.width, tiles_.height, film_scale(*scene_, settings_),
-            settings_.integrator != IntegratorKind::path, settings_.error_layer),
+            settings_.integrator != IntegratorKind::path, settings_.error_layer,
+            settings_.layers ? settings_.layers->layers : 0),
       statistics_(settings_.depth) {}
 
 Render::Render(const Render& other, uint64_t seed, int samples)
@@ -112,6 +119,7 @@ Render::Render(const Render& other, uint64_t seed, int samples)
     settings_.seed = seed;
     settings_.samples = samples;
     settings_.error_layer = false;
+    settings_.layers = nullptr;
 }
 
 int64_t Render::units_total() const {
@@ -131,6 +139,10 @@ double Render::splats_per_pixel() const {
 
 void Render::develop(float* rgba) const {
     film_.develop(rgba, splats_per_pixel(), scene_->exposure);
+}
+
+void Render::develop_layer(int layer, float* rgb) const {
+    film_.develop_layer(layer, rgb, splats_per_pixel(), scene_->exposure);
 }
 
 void Render::develop_error(float* error) const {
@@ -167,7 +179,9 @@ int64_t Render::run(int64_t last, const RunLimits& limits) {
 
 RayRecorder Render::record_rays(size_t count) const {
     const FlushDenormals flush;
-    ThreadState state(*scene_, settings_, metropolis_.get());
+    Settings settings = settings_;
+    settings.layers = nullptr;
+    ThreadState state(*scene_, settings, metropolis_.get());
     Film film(film_.width(), film_.height(), film_.scale(), film_.has_splats(), false);
     RayRecorder recorder;
     state.statistics.rays.recorder = &recorder;

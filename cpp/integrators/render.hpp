@@ -34,6 +34,7 @@ public:
     // RGBA and standard error of the luminance, by pixel; see Film.
     void develop(float* rgba) const;
     void develop_error(float* error) const;
+    void develop_layer(int layer, float* rgb) const;
     double seconds() const { return seconds_; }
     double cpu_seconds() const { return cpu_seconds_; }
 

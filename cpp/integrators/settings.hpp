@@ -2,11 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "film/pixel_filter.hpp"
 
 namespace usdmlt {
+
+struct LightPathAutomaton;
 
 enum class IntegratorKind : uint8_t { path, bidirectional, metropolis };
 
@@ -19,6 +22,8 @@ struct Settings {
     PixelFilter filter;
     bool background = true;   // environments are seen directly by the camera
     bool error_layer = true;  // the film keeps what the standard error needs
+    // Whose layers the film keeps beside the picture; null: none.
+    std::shared_ptr<const LightPathAutomaton> layers;
     int reduction = 1;  // pixels of the film are squares of so many of the camera's: for pilots
 
     // Metropolis only.

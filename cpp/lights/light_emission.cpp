@@ -28,18 +28,25 @@ double pdf_leaving(const L& light, Vec3f normal, Vec3f direction) {
 
 }  // namespace
 
+Spectrum environment_radiance(const Lights& lights, uint32_t light, Vec3f direction,
+                              uint32_t receiver) {
+    if (!lights.links.illuminates(light, receiver)) return {};
+    return std::visit(
+        [&]<typename L>(const L& one) {
+            if constexpr (Infinite<L>)
+                return incoming_radiance(one, direction);
+            else
+                return Spectrum();
+        },
+        lights.lights[light]);
+}
+
 Spectrum radiance(const Lights& lights, const LightPoint& point, Vec3f direction,
                   uint32_t receiver) {
     if (point.light == environment_light) {
         Spectrum sum;
-        for (const uint32_t index : lights.environment) {
-            if (!lights.links.illuminates(index, receiver)) continue;
-            std::visit(
-                [&]<typename L>(const L& light) {
-                    if constexpr (Infinite<L>) sum += incoming_radiance(light, point.direction);
-                },
-                lights.lights[index]);
-        }
+        for (const uint32_t index : lights.environment)
+            sum += environment_radiance(lights, index, point.direction, receiver);
         return sum;
     }
     if (!lights.links.illuminates(point.light, receiver)) return {};

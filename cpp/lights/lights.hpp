@@ -104,6 +104,9 @@ double pdf_direct(const Lights& lights, const LightPoint& point, Vec3f reference
 // arrives at, see LightLinks.
 Spectrum radiance(const Lights& lights, const LightPoint& point, Vec3f direction,
                   uint32_t receiver = every_receiver);
+// The part that one light of the environment has in it.
+Spectrum environment_radiance(const Lights& lights, uint32_t light, Vec3f direction,
+                              uint32_t receiver = every_receiver);
 
 // ---------------------------------------------------------------------------------------------
 // The first edge of a light subpath.

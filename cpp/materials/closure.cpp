@@ -128,23 +128,30 @@ Spectrum covered(const Closure& closure, const Lobe& lobe, const Spectrum& value
     return lobe.cover == no_cover ? value : value * coupling(closure, lobe, l, of_l, e, of_e);
 }
 
-// About the share of light from `w` that lobe i scatters, weight included.
-float scattering_estimate(const Closure& closure, int i, Vec3f w, const Passage& of_w) {
+// About the share of light from `w` that lobe i, not a Dirac one, scatters, weight included.
+Spectrum scattered_share(const Closure& closure, int i, Vec3f w, const Passage& of_w) {
     const Lobe& lobe = closure.lobes[i];
-    if (lobe.delta) {
-        const interface_lobe::Split s = interface_lobe::split(lobe, std::fabs(w.z), w.z > 0);
-        return mean(s.R) + mean(s.T);
-    }
-    if (lobe.type == LobeType::eon) return mean(lobe.weight * lobe.color0);
-    if (is_diffuse(lobe.type)) return mean(lobe.weight);
+    if (lobe.type == LobeType::eon) return lobe.weight * lobe.color0;
+    if (is_diffuse(lobe.type)) return lobe.weight;
     const Spectrum reflected =
         of_w.has_albedo >> i & 1 ? of_w.albedo[i] : reflection_albedo(lobe, w);
     Spectrum scattered;
     if (lobe.reflects)
         scattered += lobe.type == LobeType::dielectric ? lobe.color0 * reflected : reflected;
     if (lobe.transmits) scattered += lobe.tint_transmission * (Spectrum(1.0f) - reflected);
+    return lobe.weight * scattered;
+}
+
+// What lobes are chosen by.
+float scattering_estimate(const Closure& closure, int i, Vec3f w, const Passage& of_w) {
+    const Lobe& lobe = closure.lobes[i];
+    if (lobe.delta) {
+        const interface_lobe::Split s = interface_lobe::split(lobe, std::fabs(w.z), w.z > 0);
+        return mean(s.R) + mean(s.T);
+    }
+    const float share = mean(scattered_share(closure, i, w, of_w));
     // Never so low that rare events of the lobe get a density far below their value.
-    return std::max(mean(lobe.weight * scattered), 0.02f * mean(lobe.weight));
+    return is_diffuse(lobe.type) ? share : std::max(share, 0.02f * mean(lobe.weight));
 }
 
 // Probabilities with which the lobes are chosen, given the known direction.
@@ -203,6 +210,36 @@ Spectrum Closure::evaluate_lobes(Vec3f to_light, Vec3f to_eye, Component compone
     for (int i = 0; i < lobe_count; ++i)
         if (!lobes[i].delta)
             sum += covered(*this, lobes[i], evaluate_lobe(lobes[i], l, e), l, of_l, e, of_e);
+    return sum;
+}
+
+Spectrum Closure::evaluate_diffuse(Vec3f to_light, Vec3f to_eye) const {
+    Vec3f l, e;
+    if (!to_local(*this, to_light, l) || !to_local(*this, to_eye, e)) return Spectrum();
+    const Passage of_l(*this, l), of_e(*this, e);
+    Spectrum sum;
+    for (int i = 0; i < lobe_count; ++i)
+        if (is_diffuse(lobes[i].type))
+            sum += covered(*this, lobes[i], evaluate_lobe(lobes[i], l, e), l, of_l, e, of_e);
+    return sum;
+}
+
+Spectrum Closure::albedo(Vec3f to_eye) const {
+    Vec3f e;
+    if (!to_local(*this, to_eye, e)) return Spectrum();
+    const Passage of_e(*this, e);
+    Spectrum sum;
+    for (int i = 0; i < lobe_count; ++i) {
+        const Lobe& lobe = lobes[i];
+        Spectrum share;
+        if (lobe.delta) {
+            const interface_lobe::Split s = interface_lobe::split(lobe, std::fabs(e.z), e.z > 0);
+            share = s.R + s.T;
+        } else {
+            share = scattered_share(*this, i, e, of_e);
+        }
+        sum += lobe.cover == no_cover ? share : share * of_e.through[lobe.cover];
+    }
     return sum;
 }
 

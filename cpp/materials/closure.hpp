@@ -141,6 +141,12 @@ struct Closure {
                                                                      : Spectrum();
     }
 
+    // Of the non-Dirac component, the part of its diffuse lobes.
+    Spectrum evaluate_diffuse(Vec3f to_light, Vec3f to_eye) const;
+
+    // About the share of the light from all around that is scattered to the eye, or let through.
+    Spectrum albedo(Vec3f to_eye) const;
+
     // Density of `sampled` in solid angle given `known`; selection probabilities included.
     float pdf(Vec3f known, Vec3f sampled, Known role, Component component = non_delta) const {
         if (guide && role == Known::eye) return pdf_guided(known, sampled, component);

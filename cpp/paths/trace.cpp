@@ -223,6 +223,24 @@ bool trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCou
     }
 }
 
+bool Surfaces::next(Hit& hit, float& opacity) {
+    while (scene_.acceleration->intersect(ray_, hit)) {
+        opacity = 1;
+        if (hit.mesh == invalid_index) {
+            ray_.tfar = 0;  // lights hide what is behind them
+            return true;
+        }
+        const Mesh& mesh = scene_.meshes[hit.mesh];
+        opacity = opacity_of(scene_, mesh, hit.primitive, hit.u, hit.v);
+        const Crossing crossing(scene_, hit, ray_.direction, Known::eye);
+        ray_.origin = crossing.other_side(ray_.direction);
+        ray_.tnear = 0;
+        ray_.tfar -= hit.t;
+        if (opacity > 0 && !(mesh.one_sided && crossing.from_behind)) return true;
+    }
+    return false;
+}
+
 bool sample_light_ray(const Scene& scene, const Vertex& x0, Vec2f u, Ray& ray, double& pdf) {
     ray.tnear = 0;
     ray.tfar = infinite_distance;

@@ -59,6 +59,19 @@ void camera_vertex(const Scene& scene, Vec3f lens_point, float time, Vertex& v);
 bool trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCounters& counters,
            Hit& hit, float& opacity, Edge& edge);
 
+// The surfaces in the way of a ray from the eye, one after the other: those that a ray may pass
+// too, each with its opacity.
+class Surfaces {
+public:
+    Surfaces(const Scene& scene, const Ray& ray) : scene_(scene), ray_(ray) {}
+    // False: there is none left.
+    bool next(Hit& hit, float& opacity);
+
+private:
+    const Scene& scene_;
+    Ray ray_;
+};
+
 // Follows a ray to the next vertex of a path: a surface or, where `environment` is set, the
 // direction at infinity of a ray that escapes. False: there is none.
 bool trace_vertex(const Scene& scene, const Ray& ray, Known role, bool environment,

@@ -6,6 +6,8 @@
 #include <map>
 
 #include "integrators/render.hpp"
+#include "python/bind_layers.hpp"
+#include "python/polling.hpp"
 
 namespace py = pybind11;
 
@@ -57,28 +59,14 @@ int64_t run(Render& render, int64_t last_unit, int threads, std::optional<double
     RunLimits limits;
     limits.threads = std::max(threads, 1);
     limits.seconds = deadline_seconds ? std::max(*deadline_seconds, 1e-9) : 0;
-    bool failed = false;
-    py::error_already_set* error = nullptr;
-    std::unique_ptr<py::error_already_set> holder;
+    Poll polling(poll);
     const int64_t before = render.units_done();
-    limits.poll = [&](int64_t started) {
-        const py::gil_scoped_acquire acquire;
-        try {
-            if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-            return poll && py::cast<bool>((*poll)(before + started));
-        } catch (py::error_already_set& e) {
-            // Started units finish first; the exception is raised after them.
-            holder = std::make_unique<py::error_already_set>(std::move(e));
-            error = holder.get();
-            failed = true;
-            return true;
-        }
-    };
+    limits.poll = [&](int64_t started) { return polling(before + started); };
     {
         const py::gil_scoped_release release;
         render.run(std::min(last_unit, render.units_total()), limits);
     }
-    if (failed) throw std::move(*error);
+    polling.raise();
     return render.units_done();
 }
 
@@ -92,6 +80,37 @@ py::array_t<float> image(const Render& render) {
 py::array_t<float> error(const Render& render) {
     py::array_t<float> out({render.film().height(), render.film().width()});
     render.develop_error(out.mutable_data());
+    return out;
+}
+
+py::array_t<float> layer(const Render& render, int index) {
+    const Film& film = render.film();
+    if (index < 0 || index >= film.layers()) throw py::index_error("no such layer");
+    py::array_t<float> out({film.height(), film.width(), 3});
+    render.develop_layer(index, out.mutable_data());
+    return out;
+}
+
+// (2, height, width, 3): sums of samples and of splats, as the film has them.
+py::array_t<int64_t> sums(const Render& render, int index) {
+    const Film& film = render.film();
+    if (index < -1 || index >= film.layers()) throw py::index_error("no such layer");
+    py::array_t<int64_t> out({2, film.height(), film.width(), 3});
+    int64_t* data = out.mutable_data();
+    const size_t pixels = size_t(film.width()) * film.height();
+    for (size_t i = 0; i < pixels; ++i)
+        for (int c = 0; c < 3; ++c) {
+            data[i * 3 + size_t(c)] = film.sample_sum(i, c, index);
+            data[(pixels + i) * 3 + size_t(c)] = film.splat_sum(i, c, index);
+        }
+    return out;
+}
+
+py::array_t<uint32_t> sample_counts(const Render& render) {
+    const Film& film = render.film();
+    py::array_t<uint32_t> out({film.height(), film.width()});
+    for (size_t i = 0; i < size_t(out.size()); ++i)
+        out.mutable_data()[i] = static_cast<uint32_t>(film.sample_count(i));
     return out;
 }
 
@@ -196,11 +215,12 @@ void bind_render(py::module_& module) {
                          int depth, uint64_t seed, const std::string& filter, int min_edges,
                          bool background, bool direct_separately, bool two_stage,
                          const std::map<std::string, double>& mutation_weights, bool error_layer,
-                         int reduction, bool selective) {
-                 const Settings settings =
+                         int reduction, bool selective, const py::object& layers) {
+                 Settings settings =
                      make_settings(integrator, samples, depth, seed, filter, min_edges, background,
                                    direct_separately, two_stage, mutation_weights, error_layer,
                                    reduction, selective);
+                 settings.layers = automaton_from_python(*scene, layers);
                  const py::gil_scoped_release release;
                  return std::make_unique<Render>(std::move(scene), settings);
              }),
@@ -209,7 +229,8 @@ void bind_render(py::module_& module) {
              py::arg("filter") = "gaussian", py::arg("min_edges") = 1, py::arg("background") = true,
              py::arg("direct_separately") = true, py::arg("two_stage") = true,
              py::arg("mutation_weights") = std::map<std::string, double>(),
-             py::arg("error_layer") = true, py::arg("reduction") = 1, py::arg("selective") = true)
+             py::arg("error_layer") = true, py::arg("reduction") = 1, py::arg("selective") = true,
+             py::arg("layers") = py::none())
         .def_property_readonly("units_total", &Render::units_total)
         .def_property_readonly("units_done", &Render::units_done)
         .def_property_readonly("samples_per_unit", &samples_per_unit,
@@ -229,6 +250,12 @@ void bind_render(py::module_& module) {
             "A render by the same plan with other random numbers, and without an error layer.")
         .def("image", &image, "Linear premultiplied RGBA, (height, width, 4) float32.")
         .def("error", &error, "Standard error of the image's luminance, (height, width) float32.")
+        .def("layer", &layer, py::arg("index"),
+             "A layer of light paths, (height, width, 3) float32.")
+        .def("sums", &sums, py::arg("layer") = -1,
+             "The film's own sums of samples and of splats, (2, height, width, 3) int64, of a "
+             "layer, or of the picture (-1).")
+        .def("sample_counts", &sample_counts, "Camera samples by pixel, (height, width) uint32.")
         .def("stats", &stats)
         .def(
             "replay_rays_per_cpu_second",

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from usdmlt import color, exr, files, views
 from usdmlt.errors import UsageError
 from usdmlt.image_files import Part, png_of, rgb, write_parts
+from usdmlt.layers import Layer
 
 EXTENSIONS = (".exr", ".png", ".jpg", ".jpeg")
 
@@ -32,7 +33,8 @@ class Image:
     Row 0 is the top. ``image["color"]`` is short for ``image.channels["color"]``.
     ``stats``: what the render measured. ``metadata``: what the file says about its making
     (renderer, stage, camera, frame, seed, samples, seconds ...): strings, numbers, 4x4 arrays; and
-    ``"data_window"`` of a part of a picture: its x, y, full_width and full_height.
+    ``"data_window"`` of a part of a picture: its x, y, full_width and full_height. ``layers``: what
+    those of ``channels`` are that :func:`usdmlt.layers.of` does not tell by name and shape.
 
     In a notebook it shows itself.
     """
@@ -41,6 +43,7 @@ class Image:
     color_space: str = color.DEFAULT
     stats: dict[str, Any] = field(default_factory=dict)
     metadata: dict[str, Any] = field(default_factory=dict)
+    layers: dict[str, Layer] = field(default_factory=dict)
 
     @classmethod
     def from_rgba(cls, rgba: npt.NDArray[np.float32], **attributes: Any) -> Image:

@@ -7,7 +7,7 @@ A layer is asked for by a name of :data:`KNOWN`, as ``primvars:NAME``, or as a l
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Union
 
@@ -40,15 +40,24 @@ LIGHT_GROUP_PREFIX = "lightGroup:"
 class Layer:
     """One layer, as it is asked for or as a picture has it.
 
-    ``name``: in :attr:`usdmlt.Image.channels`. ``shows``: the light path expression, or the name of
-    the primvar. ``half``: whether a file may hold it in half floats.
+    ``name``: in :attr:`usdmlt.Image.channels`. ``shows``: the light path expression,
+    ``primvars:NAME``, or the name in :data:`KNOWN`. ``half``: whether a file may hold it in half
+    floats.
     """
 
     name: str
     kind: Kind
     source: Source
-    shows: str = ""
+    shows: str
     half: bool = False
+
+    @property
+    def primvar(self) -> str:
+        """The primvar that it shows; empty: none."""
+        if self.shows == "uv":
+            return "st"
+        is_one = self.source == "centre" and self.shows.startswith(PRIMVAR_PREFIX)
+        return self.shows.removeprefix(PRIMVAR_PREFIX) if is_one else ""
 
     @property
     def stem(self) -> str:
@@ -68,6 +77,10 @@ class Layer:
         return np.dtype(np.uint32 if self.kind == "id" else np.float32)
 
 
+def _known(name: str, kind: Kind, source: Source, half: bool = False) -> Layer:
+    return Layer(name, kind, source, name, half)
+
+
 def _paths(name: str, expression: str) -> Layer:
     return Layer(name, "color", "paths", expression, half=True)
 
@@ -76,24 +89,24 @@ def _paths(name: str, expression: str) -> Layer:
 KNOWN: dict[str, Layer] = {
     layer.name: layer
     for layer in (
-        Layer("color", "color", "measured", half=True),
-        Layer("alpha", "scalar", "measured", half=True),
-        Layer("error", "scalar", "measured"),
-        Layer("sampleCount", "id", "measured"),
-        Layer("albedo", "color", "average", half=True),
-        Layer("CryptoObject", "rgba", "average"),
-        Layer("CryptoMaterial", "rgba", "average"),
-        Layer("N", "vector3", "centre", half=True),
-        Layer("Ng", "vector3", "centre", half=True),
-        Layer("P", "vector3", "centre"),
-        Layer("Z", "scalar", "centre"),
-        Layer("uv", "uv", "centre"),
-        Layer("motionvector", "vector2", "centre"),
-        Layer("objectId", "id", "centre"),
-        Layer("instanceId", "id", "centre"),
-        Layer("materialId", "id", "centre"),
+        _known("color", "color", "measured", half=True),
+        _known("alpha", "scalar", "measured", half=True),
+        _known("error", "scalar", "measured"),
+        _known("sampleCount", "id", "measured"),
+        _known("albedo", "color", "average", half=True),
+        _known("CryptoObject", "rgba", "average"),
+        _known("CryptoMaterial", "rgba", "average"),
+        _known("N", "vector3", "centre", half=True),
+        _known("Ng", "vector3", "centre", half=True),
+        _known("P", "vector3", "centre"),
+        _known("Z", "scalar", "centre"),
+        _known("uv", "uv", "centre"),
+        _known("motionvector", "vector2", "centre"),
+        _known("objectId", "id", "centre"),
+        _known("instanceId", "id", "centre"),
+        _known("materialId", "id", "centre"),
         # One layer for each group of lights, of which those without a group are one.
-        Layer("lightGroups", "color", "paths", half=True),
+        _known("lightGroups", "color", "paths", half=True),
         # emission + direct + indirect is the picture; so is emission + diffuse + specular +
         # transmission.
         _paths("emission", "C[LOB]"),
@@ -132,7 +145,7 @@ ALIASES = {
     "primId": "objectId",
 }
 
-Asked = Union[str, Layer]
+Asked = Union[str, Layer, Mapping[str, Any]]  # a mapping of its fields
 
 
 def of(name: str, pixels: npt.NDArray[Any]) -> Layer:
@@ -140,10 +153,10 @@ def of(name: str, pixels: npt.NDArray[Any]) -> Layer:
     if name in KNOWN:
         return KNOWN[name]
     if pixels.dtype == np.uint32:
-        return Layer(name, "id", "centre")
+        return Layer(name, "id", "centre", name)
     width = 1 if pixels.ndim == 2 else pixels.shape[2]
     kinds: dict[int, Kind] = {1: "scalar", 2: "vector2", 3: "color", 4: "rgba"}
-    return Layer(name, kinds[width], "measured")
+    return Layer(name, kinds[width], "measured", name)
 
 
 def split(text: str) -> list[str]:
@@ -167,6 +180,8 @@ def parse(asked: Asked) -> Layer:
     """
     if isinstance(asked, Layer):
         return asked
+    if isinstance(asked, Mapping):
+        return Layer(**asked)
     if not isinstance(asked, str) or not asked:
         raise UsageError(f"a layer is asked for by its name, not by {asked!r}")
     known = KNOWN.get(ALIASES.get(asked, asked))
@@ -194,7 +209,7 @@ def primvar(name: str) -> Layer:
     """The layer of a primvar. How many numbers it has is known when the stage is read."""
     if not name:
         raise UsageError("primvars: has to be followed by the name of a primvar")
-    return Layer(PRIMVAR_PREFIX + name, "scalar", "centre", name)
+    return Layer(PRIMVAR_PREFIX + name, "scalar", "centre", PRIMVAR_PREFIX + name)
 
 
 def light_paths(name: str, expression: str) -> Layer:
@@ -231,5 +246,5 @@ def resolve(asked: Iterable[Asked]) -> tuple[Layer, ...]:
 def of_width(layer: Layer, width: int) -> Layer:
     """The layer of a primvar of so many numbers; three are a colour if it is named so."""
     kinds: Sequence[Kind] = ("scalar", "vector2", "vector3", "rgba")
-    is_color = width == 3 and "color" in layer.shows.lower()
-    return replace(layer, kind="color" if is_color else kinds[width - 1], half=is_color)
+    is_color = width == 3 and "color" in layer.primvar.lower()
+    return replace(layer, kind="color" if is_color else kinds[width - 1])

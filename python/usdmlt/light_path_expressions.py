@@ -3,19 +3,19 @@
 They are regular expressions over what happens to light between the camera and a light, as Open
 Shading Language, Karma, Arnold and RenderMan have them. An event is one of
 
-    <RD>  <RG>  <RS>  <TD>  <TG>  <TS>    V    <L.'group'>  <O.'group'>  <B.'group'>
+    <RD>  <RG>  <RS>  <TD>  <TG>  <TS>    V    <L.'key'>  <O.'key'>  <B.'key'>
 
 reflection or transmission (R, T) by something diffuse, glossy or singular (D, G, S: perfectly
 smooth); a volume (V, reserved); and at the end a light (L), an emissive surface (O) or an
-environment that the camera sees directly (B). A letter alone is all events that have it, ``.`` is
-any event. Expressions begin with the camera, C. Those that begin with L and end with E are
-Heckbert's, from the light to the eye: D is every vertex that is not S there, L whatever emits. Both
-may have ``( ) | [ ] [^ ] * + ? {n} {n,} {n,m}``.
+environment that the camera sees directly (B), which may be told by its group or its prim path. A
+letter alone is all events that have it, ``.`` any event. Expressions begin with the camera, C;
+those that begin with L and end with E are Heckbert's, from the light to the eye: D is every vertex
+that is not S there, L whatever emits. Both may have ``( ) | [ ] [^ ] * + ? {n} {n,} {n,m}``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import NoReturn, Union
@@ -38,15 +38,15 @@ MOST_EXPRESSIONS = 64  # bits of a mask
 
 @dataclass(frozen=True)
 class Event:
-    """One event. ``of``: (name, group or None for any, whether it is any group but that);
-    ``negated``: all but those."""
+    """One event. ``of``: (name, what the light is called or None, whether it must not be called
+    that); ``negated``: all but those."""
 
     of: frozenset[tuple[str, str | None, bool]]
     negated: bool = False
 
-    def matches(self, name: str, group: str) -> bool:
-        """Whether it can be this one of SCATTERINGS and TERMINALS; ``group``: "" is none."""
-        among = any(name == n and (g is None or (g == group) != but) for n, g, but in self.of)
+    def matches(self, name: str, called: Collection[str]) -> bool:
+        """Whether it can be this one of SCATTERINGS and TERMINALS; ``called``: names of a light."""
+        among = any(name == n and (c is None or (c in called) != but) for n, c, but in self.of)
         return among != self.negated
 
 
@@ -105,17 +105,17 @@ def may_end(expression: Expression) -> bool:
     return isinstance(expression, Repeated)
 
 
-def after(expression: Expression, name: str, group: str = "") -> Expression:
+def after(expression: Expression, name: str, called: Collection[str] = ()) -> Expression:
     """What has to follow the event."""
     if isinstance(expression, Event):
-        return EMPTY if expression.matches(name, group) else NOTHING
+        return EMPTY if expression.matches(name, called) else NOTHING
     if isinstance(expression, AnyOf):
-        return either(*(after(part, name, group) for part in expression.parts))
+        return either(*(after(part, name, called) for part in expression.parts))
     if isinstance(expression, Repeated):
-        return then(after(expression.part, name, group), expression)
-    rest = then(after(expression.first, name, group), expression.second)
+        return then(after(expression.part, name, called), expression)
+    rest = then(after(expression.first, name, called), expression.second)
     if may_end(expression.first):
-        return either(rest, after(expression.second, name, group))
+        return either(rest, after(expression.second, name, called))
     return rest
 
 
@@ -139,16 +139,18 @@ class Automaton:
     """What a path belongs to, told from the camera on: state 0 is there.
 
     ``next`` (states, SCATTERINGS) uint16: the state after a scattering; ``masks`` (states,
-    TERMINALS, groups) uint64: bit i of a path that ends so is set where expression i has it. The
-    first group is that of the lights without one.
+    TERMINALS, kinds of lights) uint64: bit i of a path that ends so is set where expression i has
+    it.
     """
 
     next: npt.NDArray[np.uint16]
     masks: npt.NDArray[np.uint64]
 
 
-def compiled(expressions: Sequence[Expression], groups: Sequence[str]) -> Automaton:
-    """One automaton for all expressions; ``groups`` of lights, without "", which is none.
+def compiled(
+    expressions: Sequence[Expression], kinds: Sequence[Collection[str]] = ((),)
+) -> Automaton:
+    """One automaton for all expressions. ``kinds`` of lights: what those of each are called.
 
     Raises ValueError where it would be too large.
     """
@@ -170,8 +172,8 @@ def compiled(expressions: Sequence[Expression], groups: Sequence[str]) -> Automa
         masks.append(
             [
                 [
-                    sum(may_end(after(e, name, group)) << i for i, e in enumerate(state))
-                    for group in ("", *groups)
+                    sum(may_end(after(e, name, called)) << i for i, e in enumerate(state))
+                    for called in kinds
                 ]
                 for name in TERMINALS
             ]
@@ -196,7 +198,6 @@ class _Parser:
     def __init__(self, text: str) -> None:
         self.text = text
         self.at, self.end = 0, len(text)
-        self.groups: set[str] = set()
         self.from_light = text.startswith("L") and text.endswith("E")
         if self.from_light:
             self.at, self.end = 1, len(text) - 1
@@ -214,7 +215,9 @@ class _Parser:
             self.fail(f"{self.peek()} closes nothing")
         if self.from_light:
             expression = then(reversed_(expression), _event(TERMINALS))
-        if not compiled([expression], sorted(self.groups)).masks.any():
+        if not compiled(
+            [expression], [(), *((name,) for name in names_in(expression))]
+        ).masks.any():
             self.fail("no path is of this kind: L, O or B has to be its last event")
         return expression
 
@@ -296,14 +299,14 @@ class _Parser:
         return _event(self.letter())
 
     def bracketed(self, start: int) -> Event:
-        """After ``<``: sets of letters, all of which an event has, and perhaps a group."""
+        """After ``<``: sets of letters, all of which an event has, and perhaps a light's name."""
         names = self.set_of_letters()
         while self.peek() not in ("", ">", "'") and not self.text.startswith("[^'", self.at):
             names &= self.set_of_letters()
-        group, but, place = None, False, self.at
+        called, but, place = None, False, self.at
         if self.peek() in ("'", "["):
             but = self.accept("[^")
-            group = self.label()
+            called = self.label()
             if but:
                 self.close("]", place)
             names &= frozenset(TERMINALS)
@@ -312,7 +315,7 @@ class _Parser:
         self.close(">", start)
         if not names:
             self.fail("there is no such event", start)
-        return Event(frozenset((name, group, but) for name in names))
+        return Event(frozenset((name, called, but) for name in names))
 
     def label(self) -> str:
         start = self.at
@@ -321,7 +324,6 @@ class _Parser:
         if close < 0:
             self.fail("' is never closed", start)
         label, self.at = self.text[self.at : close], close + 1
-        self.groups.add(label)
         return label
 
     def set_of_letters(self) -> frozenset[str]:
@@ -362,6 +364,17 @@ class _Parser:
     def fail(self, message: str, at: int | None = None) -> NoReturn:
         place = (self.at if at is None else at) + 1
         raise UsageError(f"light path expression {self.text!r}, character {place}: {message}")
+
+
+def names_in(expression: Expression) -> set[str]:
+    """What lights are called in it."""
+    if isinstance(expression, Event):
+        return {called for _, called, _ in expression.of if called is not None}
+    if isinstance(expression, AnyOf):
+        return set().union(*map(names_in, expression.parts))
+    if isinstance(expression, Then):
+        return names_in(expression.first) | names_in(expression.second)
+    return names_in(expression.part)
 
 
 def _event(names: Iterable[str]) -> Event:

@@ -11,6 +11,7 @@ from usdmlt.errors import Error
 
 if TYPE_CHECKING:
     from usdmlt import _core
+    from usdmlt.light_path_layers import LightPathLayers
     from usdmlt.scene import Scene
     from usdmlt.settings import ResolvedIntegrator, Settings
 
@@ -44,7 +45,10 @@ def build_scene(scene: Scene, embree_isa: str) -> _core.Scene:
 
 
 def plan_render(
-    scene: _core.Scene, settings: Settings, integrator: ResolvedIntegrator
+    scene: _core.Scene,
+    settings: Settings,
+    integrator: ResolvedIntegrator,
+    layers: LightPathLayers | None = None,
 ) -> _core.Render:
     """Plan the render of a built scene by one integrator: nothing is rendered yet."""
     try:
@@ -60,6 +64,7 @@ def plan_render(
             two_stage=settings.two_stage,
             mutation_weights=settings.mutation_weights or {},
             error_layer=settings.error,
+            layers=layers,
         )
     except RuntimeError as error:
         raise Error(str(error)) from error

@@ -53,6 +53,7 @@ class LoadOptions:
     ``search_paths``: folders in which assets are looked for that are not found beside the stage.
     ``resolver``: whose resolver context a file is opened with: that of its own asset ("root") or
     the one that is bound already ("inherit").
+    ``primvars``: names of those that are kept for layers, though no material reads them.
     ``color_space``: the linear RGB space of the result; None: the render settings'
     ``renderingColorSpace``, else linear Rec.709.
     ``strict``: whether content that would be left out raises instead.
@@ -79,11 +80,12 @@ class LoadOptions:
     texture_memory: float | None = None
     search_paths: Iterable[str | os.PathLike[str]] = ()
     resolver: ResolverContext = "root"
+    primvars: Iterable[str] = ()
     color_space: str | None = None
     strict: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("purposes", "mask", "search_paths"):
+        for name in ("purposes", "mask", "search_paths", "primvars"):
             value = getattr(self, name)
             if value is not None:
                 one = isinstance(value, (str, os.PathLike))

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
-from usdmlt import color, native
+from usdmlt import color, layers, light_path_layers, native
 from usdmlt.choice import choose
 from usdmlt.errors import UsageError, Warning
 from usdmlt.image import Image
@@ -22,6 +22,7 @@ from usdmlt.making import metadata
 from usdmlt.previews import Preview
 from usdmlt.scene import Scene
 from usdmlt.settings import ResolvedIntegrator, Settings, check_resolution, merged
+from usdmlt.surface_layers import SurfaceLayers, surface_layers
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -74,7 +75,13 @@ class Rendering:
         self._core_scene = native.build_scene(scene, settings.embree_isa)
         self.choice = choose(self._core_scene, settings)
         self.integrator: ResolvedIntegrator = self.choice.integrator
-        self._render = native.plan_render(self._core_scene, settings, self.integrator)
+        self.layers = light_path_layers.expanded(layers.resolve(settings.aovs), scene)
+        self._light_paths = [layer for layer in self.layers if layer.source == "paths"]
+        compiled = light_path_layers.compiled_for(scene, self._light_paths)
+        self._render = native.plan_render(
+            self._core_scene, settings, self.integrator, compiled if self._light_paths else None
+        )
+        self._surfaces: SurfaceLayers | None = None
         self._unreachable = unreachable_light(scene, self._core_scene, settings.depth)
         self._seconds_building = perf_counter() - started
 
@@ -85,7 +92,10 @@ class Rendering:
         ``samples``: per pixel.
         """
         other = copy(self)
-        other.settings = replace(self.settings, samples=samples, mutations=None, error=False)
+        other.settings = replace(
+            self.settings, samples=samples, mutations=None, error=False, aovs=()
+        )
+        other.layers, other._light_paths, other._surfaces = [], [], None
         other._render = self._render.again(seed, samples)
         return other
 
@@ -113,6 +123,7 @@ class Rendering:
         ``previews`` are shown the picture so far, each in its time, which does not count.
         Returns whether all units are done.
         """
+        self._see_surfaces(stop)
         last = self.units_total if until is None else min(until, self.units_total)
         seconds, limit = 0.0, self.settings.time
         while True:
@@ -163,10 +174,32 @@ class Rendering:
         )
         if self.settings.error:
             image.channels["error"] = self._render.error()
+        for number, layer in enumerate(self._light_paths):
+            image.channels[layer.name] = self._render.layer(number)
+        for layer in self.layers:
+            if layer.shows == "sampleCount":
+                image.channels[layer.name] = self._render.sample_counts()
+        surfaces = self._see_surfaces()
+        image.channels |= surfaces.channels
+        image.metadata |= surfaces.metadata
+        image.layers = {layer.name: layer for layer in self.layers} | surfaces.layers
         if self.units_done > 0 and not image["color"].any():
             logger.warning("no light was found that reaches the camera: the picture is black")
         _warn(stats)
         return image
+
+    def _see_surfaces(self, stop: Callable[[], bool] | None = None) -> SurfaceLayers:
+        """The layers of surfaces, by a pass that is made once, however much is rendered."""
+        if self._surfaces is None:
+            self._surfaces = surface_layers(
+                self.scene,
+                self._core_scene,
+                self.layers,
+                self.settings.filter,
+                self.settings.resolved_threads,
+                stop,
+            )
+        return self._surfaces
 
     def stats(self) -> dict[str, Any]:
         """What the core measured, and the settings as they were resolved: JSON has them all.
@@ -186,6 +219,7 @@ class Rendering:
         measured.update(measured.pop("mlt", {}))
         settings = asdict(self.settings)
         settings["integrator"] = self.integrator
+        settings["aovs"] = [layer.name for layer in self.layers]
         settings["threads"] = self.settings.resolved_threads
         spent = measured["samples"]
         if self.integrator == "mlt":
@@ -232,12 +266,13 @@ def render(
     ``preview``: called with the picture so far every ``preview_seconds``, and at last with the
     whole; in a notebook :class:`usdmlt.notebook.Live`.
     ``options``: the fields of :class:`usdmlt.Settings`: integrator, samples, mutations, time,
-    depth, seed, threads, filter, error, mutation_weights, direct, selective, two_stage, which go
-    before what the stage itself asks for; all others are those of :func:`usdmlt.load`, as camera,
-    frame, width and height are: purposes, mask, variants, color_space …
+    depth, seed, threads, filter, error, aovs, mutation_weights, direct, selective, two_stage, which
+    go before what the stage itself asks for; all others are those of :func:`usdmlt.load`, as
+    camera, frame, width and height are: purposes, mask, variants, color_space …
 
     The picture's layers are ``"color"`` and ``"alpha"`` and, unless ``error=False``, ``"error"``:
-    the standard error of the luminance by pixel; 0 where there were too few samples to tell.
+    the standard error of the luminance by pixel, 0 where there were too few samples to tell; and
+    those that are asked for by ``aovs``: ``image["albedo"]``.
 
     Raises ValueError for settings out of range, :class:`usdmlt.Error` when the render could not
     be done, and :class:`usdmlt.Interrupted`, a KeyboardInterrupt that carries the picture so far,
@@ -274,7 +309,7 @@ def read(
     reading = {
         name: value for name, value in options.items() if name not in names and value is not None
     }
-    Settings(**given)
+    settings = Settings(**given)
     check_resolution(reading.get("width"), reading.get("height"))
     if isinstance(stage, Scene):
         if reading:
@@ -282,7 +317,7 @@ def read(
         return stage, given, reading
     from usdmlt.stage import load
 
-    return load(stage, **reading), given, reading
+    return load(stage, **reading, primvars=settings.primvars), given, reading
 
 
 def unreachable_light(scene: Scene, core_scene: _core.Scene, depth: int) -> dict[str, list[str]]:

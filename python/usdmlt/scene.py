@@ -249,7 +249,8 @@ class Mesh:
     move linearly in between. ``double_sided``: else it is there for what sees its front alone:
     looked at from behind it is not there, nor are its shadow, its reflection and its glow.
     ``collections``: names of those that it is in, for lights that are linked to one;
-    ``light_link``: the one that its own emission is linked to, as of lights.
+    ``light_link``: the one that its own emission is linked to, as of lights; ``light_group``: as
+    of lights; ``is_light``: what it emits is a light's, else a material's glow.
     """
 
     points: np.ndarray
@@ -263,6 +264,8 @@ class Mesh:
     double_sided: bool = True
     collections: frozenset[str] = frozenset()
     light_link: str | None = None
+    light_group: str = ""
+    is_light: bool = False
 
 
 @dataclass
@@ -293,6 +296,8 @@ class Instances:
 # ``light_link``: the light illuminates the meshes that have this name among their ``collections``,
 # and no others; None: everything. The camera sees it all the same. What a light does not illuminate
 # still casts shadows in it, and what reflects its light lights everything.
+#
+# ``light_group``: what layers of light paths tell the light by, beside its name.
 
 
 @dataclass
@@ -333,6 +338,7 @@ class RectLight:
     shaping: Shaping | None = None
     name: str = ""
     light_link: str | None = None
+    light_group: str = ""
 
 
 @dataclass
@@ -345,6 +351,7 @@ class DiskLight:
     shaping: Shaping | None = None
     name: str = ""
     light_link: str | None = None
+    light_group: str = ""
 
 
 @dataclass
@@ -357,6 +364,7 @@ class SphereLight:
     shaping: Shaping | None = None
     name: str = ""
     light_link: str | None = None
+    light_group: str = ""
 
 
 @dataclass
@@ -370,6 +378,7 @@ class CylinderLight:
     shaping: Shaping | None = None
     name: str = ""
     light_link: str | None = None
+    light_group: str = ""
 
 
 @dataclass
@@ -384,6 +393,7 @@ class DistantLight:
     transform: np.ndarray = field(default_factory=identity)
     name: str = ""
     light_link: str | None = None
+    light_group: str = ""
 
 
 @dataclass
@@ -395,6 +405,7 @@ class DomeLight:
     transform: np.ndarray = field(default_factory=identity)
     name: str = ""
     light_link: str | None = None
+    light_group: str = ""
 
 
 Light = Union[RectLight, DiskLight, SphereLight, CylinderLight, DistantLight, DomeLight]

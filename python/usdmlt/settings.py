@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any, Literal, get_args
 
+from usdmlt import layers
 from usdmlt.errors import UsageError
 
 ResolvedIntegrator = Literal["path", "bdpt", "mlt"]
@@ -42,6 +43,8 @@ class Settings:
     ``threads``: None: as many as the process may run on.
     ``filter``: the pixel filter, ``"gaussian"`` or ``"box"``.
     ``error``: whether the picture gets a layer ``"error"``, the standard error of its luminance.
+    ``aovs``: further layers of the picture (:mod:`usdmlt.layers`): names, ``"primvars:NAME"``,
+    ``"lightGroup:NAME"`` and light path expressions, which may be named: ``"caustics=LS+DE"``.
     ``embree_isa``: the instruction set Embree uses. Pictures made with different ones differ in
     the last bits.
 
@@ -69,6 +72,7 @@ class Settings:
     threads: int | None = None
     filter: FilterName = "gaussian"
     error: bool = True
+    aovs: Iterable[layers.Asked] = ()
     mutation_weights: Mapping[str, float] | None = None
     direct: DirectName = "auto"
     selective: bool = True
@@ -92,6 +96,7 @@ class Settings:
                 "mutation_weights", self.mutation_weights, MUTATIONS, ERGODIC_MUTATIONS
             )
             object.__setattr__(self, "mutation_weights", weights)
+        object.__setattr__(self, "aovs", layers.resolve(self.aovs))
         if self.samples is not None and self.mutations is not None:
             raise UsageError("samples and mutations say the same: give one of them")
         if self.integrator not in ("auto", "mlt"):
@@ -106,6 +111,12 @@ class Settings:
         if given is not None:
             return given
         return 64 if self.time is None else UNLIMITED_SAMPLES
+
+    @property
+    def primvars(self) -> tuple[str, ...]:
+        """What layers read of a stage beside what materials do."""
+        asked = (layer.primvar for layer in layers.resolve(self.aovs))
+        return tuple(name for name in asked if name)
 
     @property
     def direct_separately(self) -> bool:

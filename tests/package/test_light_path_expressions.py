@@ -9,20 +9,20 @@ import pytest
 
 from usdmlt.light_path_expressions import SCATTERINGS, TERMINALS, Automaton, compiled, parse
 
-GROUPS = ("key", "fill")
+KINDS = (("",), ("key",), ("fill",))
 
 
 def masks_of(automaton: Automaton, path: tuple[str, ...], terminal: str, group: str = "") -> int:
     state = 0
     for scattering in path:
         state = automaton.next[state, SCATTERINGS.index(scattering)]
-    return int(automaton.masks[state, TERMINALS.index(terminal), ("", *GROUPS).index(group)])
+    return int(automaton.masks[state, TERMINALS.index(terminal), KINDS.index((group,))])
 
 
 def matches(expression: str, path: str, group: str = "") -> bool:
     """``path``: events between the camera and the terminal, which is its last word."""
     *scatterings, terminal = path.split()
-    automaton = compiled([parse(expression)], GROUPS)
+    automaton = compiled([parse(expression)], KINDS)
     return bool(masks_of(automaton, tuple(scatterings), terminal, group))
 
 
@@ -69,7 +69,7 @@ def test_a_matcher_of_strings_agrees_on_all_short_paths():
         "L[SV]*D+S?E": "[cf]?[abde]+[cfg]*[hij]",
         "C(<T[DG]>?V)*O": "([de]?g)*i",
     }
-    automaton = compiled([parse(text) for text in expressions], GROUPS)
+    automaton = compiled([parse(text) for text in expressions], KINDS)
     for length in range(4):
         for path in itertools.product(SCATTERINGS, repeat=length):
             for terminal in TERMINALS:
@@ -112,6 +112,6 @@ def test_an_error_is_pointed_at(expression, character, message):
 
 def test_what_is_too_much_is_refused():
     with pytest.raises(ValueError, match="at most 64"):
-        compiled([parse("CL")] * 65, ())
+        compiled([parse("CL")] * 65)
     with pytest.raises(ValueError, match="too complicated"):
-        compiled([parse("C.*D.{20}L")], ())
+        compiled([parse("C.*D.{20}L")])

@@ -123,8 +123,8 @@ def RenderSettings "r" {{
 {CAMERAS}"""
     warnings = {w.kind: w.paths for w in examine(text, render_settings="/r").warnings}
     assert warnings["products other than raster ones are not made"] == ["/r/deep (deepRaster)"]
-    written = warnings["render vars other than colour, alpha and error are not written"]
-    assert written == ["/r/N", "/r/id"]
+    left_out = warnings["render vars that cannot be made are left out"]
+    assert left_out == ["/r/id (there is no layer id)"]
 
 
 def test_depth_of_field_is_disabled_by_the_settings(read):

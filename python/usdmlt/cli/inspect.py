@@ -63,6 +63,8 @@ def lines(content: Inspection, everything: bool = False) -> Iterator[str]:
     settings = "".join(f", {name} {value}" for name, value in content.settings.items())
     yield f"settings   {content.render_settings or 'none'}{settings}"
     yield from (f"           product {path}: {name}" for path, name in content.products)
+    for name, shows in content.layers:
+        yield f"           layer {name}" + (f": {shows}" if shows != name else "")
     yield f"camera     {content.camera or '(automatic)'}: {content.camera_reason}"
     lens = f"lens radius {content.lens_radius:g}" if content.lens_radius else "in focus everywhere"
     yield f"           {content.projection}, {lens}, exposure x {content.exposure:g}"

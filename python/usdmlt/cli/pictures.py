@@ -41,6 +41,14 @@ def add_writing_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGrou
         "configuration in $OCIO, else the built-in one",
     )
     written.add_argument(
+        "--aov",
+        action="append",
+        metavar="LAYER[,LAYER]",
+        help="further layers of an .exr: albedo, N, P, Z, CryptoObject ..., primvars:NAME, "
+        "lightGroups, direct, indirect, caustics ..., or a light path expression, NAME=LS+DE "
+        "(default: the render vars of the product)",
+    )
+    written.add_argument(
         "--compression",
         metavar="NAME[:LEVEL]",
         default="zip",

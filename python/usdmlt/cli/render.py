@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from usdmlt import layers
 from usdmlt._version import __version__
 from usdmlt.cli.frames import check_placeholder, frame_path, parse_frames
 from usdmlt.cli.logs import add_verbosity
@@ -231,8 +232,8 @@ def _run(arguments: argparse.Namespace) -> int:
 def _asked(arguments: argparse.Namespace) -> Asked:
     """The flags, over what a picture says that is made again; checked."""
     given = _given(arguments)
-    Settings(**given)
-    options = load_options(arguments) | {"strict": arguments.strict}
+    primvars = Settings(**given).primvars
+    options = load_options(arguments) | {"strict": arguments.strict, "primvars": primvars}
     if arguments.made is None:
         if arguments.stage is None:
             raise UsageError("name the STAGE to render, or a picture --from which to make it again")
@@ -269,6 +270,8 @@ def _given(arguments: argparse.Namespace) -> dict[str, Any]:
     values = {
         name: getattr(arguments, name) for name in (*names, "direct", "selective", "two_stage")
     }
+    if arguments.aov is not None:
+        values["aovs"] = [name for flag in arguments.aov for name in layers.split(flag)]
     values["mutation_weights"] = parse_weights(arguments.mutation_weights)
     return {name: value for name, value in values.items() if value is not None}
 

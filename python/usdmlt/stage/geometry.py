@@ -14,6 +14,7 @@ from usdmlt.stage.deformation import Deformation
 from usdmlt.stage.detail import Detail, SteadyDetail
 from usdmlt.stage.displacement import displaced
 from usdmlt.stage.draw_modes import STAND_IN, StandIns
+from usdmlt.stage.light_groups import GEOMETRY_ATTRIBUTES, light_group
 from usdmlt.stage.materials import Materials, bound_materials
 from usdmlt.stage.meshes import face_materials, read_mesh
 from usdmlt.stage.motion import Shutter, carried
@@ -37,8 +38,10 @@ class GeometryReader:
         detail: Detail,
         shutter: Shutter,
         report: Report,
+        primvars_kept: frozenset[str] = frozenset(),
     ):
         self.time = time
+        self.primvars_kept = primvars_kept
         self.materials = materials
         self.material_purpose = material_purpose
         self.skinning = skinning
@@ -139,7 +142,9 @@ class GeometryReader:
         if prim.prim.GetChildrenNames():
             subsets = self._subsets(prim, default)
         mesh.materials = face_materials(topology, default, subsets)
-        names = self.materials.primvars_of(mesh)
+        if not prim.names.isdisjoint(GEOMETRY_ATTRIBUTES):
+            mesh.light_group = light_group(prim.prim, GEOMETRY_ATTRIBUTES)
+        names = sorted(self.primvars_kept.union(self.materials.primvars_of(mesh)))
         primvars = self.primvars.read(prim, names, topology)
         mesh.primvars = {
             name: primvars.get(name, mesh.primvars.get(name))

@@ -19,7 +19,8 @@ class Inspection:
     """The content of a stage as it would be rendered.
 
     ``prims``: what the stage has, by type, and what becomes of it. ``settings``: fields of
-    :class:`usdmlt.Settings` that the stage asks for. ``products``: paths and files.
+    :class:`usdmlt.Settings` that the stage asks for. ``products``: paths and files. ``layers``:
+    beside those of every picture.
     ``data_window``: (x, y, full width, full height), None where the whole picture is rendered.
     ``lens_radius``: 0 is a pinhole. ``triangles``: distinct ones; ``triangles_instanced``: with
     every placement counted. ``warnings``: each kind of content that is not rendered as authored,
@@ -32,6 +33,7 @@ class Inspection:
     render_settings: str | None
     settings: dict[str, Any]
     products: list[tuple[str, str]]
+    layers: list[tuple[str, str]]  # (name, what it shows)
     camera: str
     camera_reason: str
     width: int
@@ -80,7 +82,8 @@ def summarize(reading: Reading, report: Report) -> Inspection:
         frame=metadata["frame"],
         prims=count_prims(reading.stage),
         render_settings=reading.settings.path,
-        settings=scene.settings,
+        settings={name: value for name, value in scene.settings.items() if name != "aovs"},
+        layers=[(layer.name, layer.shows) for layer in scene.settings.get("aovs", ())],
         products=[(product.path, product.name) for product in reading.settings.products],
         camera=scene.camera.name,
         camera_reason=reading.camera_reason,

@@ -18,6 +18,7 @@ from usdmlt.errors import Error, Report
 from usdmlt.stage.color import DEFAULT, ColorSpaces
 from usdmlt.stage.dome_formats import LATLONG, LAYOUTS, layout, to_latlong
 from usdmlt.stage.ies_profiles import Malformed, parse_ies, shaped
+from usdmlt.stage.light_groups import light_group
 from usdmlt.stage.light_sizes import (
     cylinder_area,
     disk_area,
@@ -60,7 +61,9 @@ class LightReader:
         linear = transform[:3, :3]
         if kind not in _AT_INFINITY and not abs(np.linalg.det(linear)) > 0:
             raise Error(f"{prim.GetPath()}: the light's transform is singular")
-        return READERS[kind](self, prim, transform)
+        light = READERS[kind](self, prim, transform)
+        light.light_group = light_group(prim)
+        return light
 
     def value(self, prim: Usd.Prim, name: str):
         """The value of ``inputs:name``, or of the plain ``name`` of files older than USD 21.02."""

@@ -50,7 +50,7 @@ def load(stage: Usd.Stage | str | os.PathLike[str], **options: Any) -> Scene:
     of :class:`usdmlt.options.LoadOptions`: camera, frame, width, height, crop, purposes, mask,
     session_layer, variants, overrides, render_settings, render_pass, product, complexity,
     double_sided, draw_modes, default_light, domes_visible, texture_memory, search_paths, resolver,
-    color_space and strict.
+    primvars, color_space and strict.
 
     Content that is not supported is left out, with one warning per kind on the ``usdmlt`` logger;
     with ``strict`` it raises instead. Raises :class:`usdmlt.Error`, with the prim path or the file,
@@ -175,6 +175,7 @@ def _read_content(
         detail,
         shutter,
         report,
+        _primvars_of_layers(options, settings),
     )
     up_axis = str(UsdGeom.GetStageUpAxis(stage))
     lights = LightReader(time, colors, textures, report, up_axis)
@@ -208,6 +209,12 @@ def _read_content(
         lights=placed_lights,
         color_space=colors.rendering,
     )
+
+
+def _primvars_of_layers(options: LoadOptions, settings: RenderSettings) -> frozenset[str]:
+    """What layers read beside what materials do."""
+    asked = (layer.primvar for layer in settings.usdmlt.get("aovs", ()))
+    return frozenset(name for name in (*options.primvars, *asked) if name)
 
 
 def _detail(

@@ -32,6 +32,7 @@ from usdmlt.scene import (
     PreviewSurface,
     UniformEmission,
 )
+from usdmlt.stage.light_groups import light_group
 from usdmlt.stage.materials import emits
 from usdmlt.stage.traversal import Group
 
@@ -65,6 +66,7 @@ class MeshLights:
 
     def _light(self, prim: Usd.Prim, mesh: Mesh, placement: np.ndarray) -> None:
         light = self.radiance(prim, world_area(mesh, placement))
+        mesh.is_light, mesh.light_group = True, light_group(prim)
         attribute = prim.GetAttribute("light:materialSyncMode")
         mode = str(attribute.Get()) if attribute else "noMaterialResponse"
         if not self._is_bound(prim):

@@ -10,6 +10,7 @@ from pxr import Sdf, Usd, UsdRender
 from usdmlt.errors import Error, Report, UsageError
 from usdmlt.options import KNOWN_PURPOSES, LoadOptions, check_data_window
 from usdmlt.stage.data_window import WHOLE
+from usdmlt.stage.render_vars import read_render_vars
 from usdmlt.stage.usdmlt_settings import read_usdmlt_settings
 
 CONFORM_POLICIES = (
@@ -19,9 +20,6 @@ CONFORM_POLICIES = (
     "adjustApertureHeight",
     "adjustPixelAspectRatio",
 )
-# What render vars may be that every picture has: its colour and its coverage.
-COLORS = {"color", "Ci", "beauty", "rgb", "rgba", "RGB", "RGBA", "C", "C.*", "C.*[LO]"}
-ALPHAS = {"a", "alpha", "A"}
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,9 @@ def read_render_settings(
     result.color_space = str(space) if space else None
     result.usdmlt, result.loading = read_usdmlt_settings(prim, time, report)
     if product:
-        _warn_of_vars(UsdRender.Product(product), time, report)
+        aovs = read_render_vars(UsdRender.Product(product), time, report)
+        if aovs:
+            result.usdmlt["aovs"] = aovs
     return result
 
 
@@ -223,16 +223,3 @@ def _chosen_product(
         raise Error(f"{options.product}: no raster product of {settings.path}; {there}")
     settings.product = options.product or (paths[0] if paths else None)
     return stage.GetPrimAtPath(settings.product) if settings.product else None
-
-
-def _warn_of_vars(product: UsdRender.Product, time: Usd.TimeCode, report: Report) -> None:
-    """A picture has its colour, alpha and error; other layers are not made."""
-    stage = product.GetPrim().GetStage()
-    for target in product.GetOrderedVarsRel().GetForwardedTargets():
-        prim = stage.GetPrimAtPath(target)
-        if not prim or not prim.IsA(UsdRender.Var):
-            report.warn("render vars of the product do not exist", target)
-            continue
-        source = UsdRender.Var(prim).GetSourceNameAttr().Get(time)
-        if not {str(source or ""), prim.GetName()} & (COLORS | ALPHAS | {"error"}):
-            report.warn("render vars other than colour, alpha and error are not written", target)
