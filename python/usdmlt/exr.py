@@ -45,6 +45,7 @@ _ATTRIBUTES = {
 _NAMES = {attribute: name for name, attribute in _ATTRIBUTES.items()} | {
     "FramesPerSecond": "frames_per_second"
 }
+CRYPTOMATTE = "cryptomatte/"  # its metadata is called so in every file
 _SUFFIX_ORDER = "RGBAXYZUVW"
 
 
@@ -78,7 +79,7 @@ def parts(image: Image, how: Format | None = None) -> list[Part]:
     """What an EXR of this picture holds. Warns of values that it cannot."""
     how = how or Format()
     others = [
-        (layers.of(name, pixels), pixels)
+        (image.layer(name), pixels)
         for name, pixels in image.channels.items()
         if name not in ("color", "alpha")
     ]
@@ -138,6 +139,8 @@ def read_metadata(spec: Any) -> dict[str, Any]:
             metadata[name.removeprefix("usdmlt:")] = value
         elif name in _NAMES:
             metadata[_NAMES[name]] = value
+        elif name.startswith(CRYPTOMATTE):
+            metadata[name] = value
     rate = metadata.get("frames_per_second")
     if isinstance(rate, tuple):
         metadata["frames_per_second"] = rate[0] / rate[1]
@@ -197,7 +200,8 @@ def _attributes(image: Image, how: Format) -> dict[str, Any]:
             continue
         if name == "frames_per_second":
             value = _frame_rate(value)
-        attributes[_ATTRIBUTES.get(name, f"usdmlt:{name}")] = value
+        own = name if name.startswith(CRYPTOMATTE) else f"usdmlt:{name}"
+        attributes[_ATTRIBUTES.get(name, own)] = value
     return attributes
 
 
@@ -231,7 +235,7 @@ def _warn(image: Image, how: Format, apart: list[layers.Layer]) -> None:
     beyond = sum(
         int(np.count_nonzero(np.abs(pixels) > HALF_MAX))
         for name, pixels in image.channels.items()
-        if layers.of(name, pixels).half
+        if image.layer(name).half
     )
     if beyond:
         logger.warning(

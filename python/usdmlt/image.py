@@ -18,6 +18,7 @@ from usdmlt import color, exr, files, views
 from usdmlt.errors import UsageError
 from usdmlt.image_files import Part, png_of, rgb, write_parts
 from usdmlt.layers import Layer
+from usdmlt.layers import of as layer_of
 
 EXTENSIONS = (".exr", ".png", ".jpg", ".jpeg")
 
@@ -53,6 +54,10 @@ class Image:
 
     def __getitem__(self, name: str) -> npt.NDArray[Any]:
         return self.channels[name]
+
+    def layer(self, name: str) -> Layer:
+        """What one of ``channels`` is."""
+        return self.layers.get(name) or layer_of(name, self.channels[name])
 
     @property
     def height(self) -> int:

@@ -9,12 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Union
-
-import numpy as np
-import numpy.typing as npt
+from typing import TYPE_CHECKING, Any, Literal, Union
 
 from usdmlt.errors import UsageError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 Kind = Literal["color", "rgba", "vector3", "vector2", "uv", "scalar", "id"]
 # Whose work it is: the film's samples, by their paths; the camera's rays, through the centre of a
@@ -74,6 +75,8 @@ class Layer:
     @property
     def dtype(self) -> np.dtype[Any]:
         """Of the array: uint32 for whole numbers, float32 for all else."""
+        import numpy as np
+
         return np.dtype(np.uint32 if self.kind == "id" else np.float32)
 
 
@@ -152,7 +155,7 @@ def of(name: str, pixels: npt.NDArray[Any]) -> Layer:
     """What a picture's array of that name is: of :data:`KNOWN`, else as its shape says."""
     if name in KNOWN:
         return KNOWN[name]
-    if pixels.dtype == np.uint32:
+    if pixels.dtype.kind == "u":
         return Layer(name, "id", "centre", name)
     width = 1 if pixels.ndim == 2 else pixels.shape[2]
     kinds: dict[int, Kind] = {1: "scalar", 2: "vector2", 3: "color", 4: "rgba"}

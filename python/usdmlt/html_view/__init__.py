@@ -17,8 +17,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from usdmlt import color, layers
+from usdmlt import color
+from usdmlt.exr import CRYPTOMATTE
 from usdmlt.image import Image
+from usdmlt.layers import Layer
 
 _POLICY = (
     "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
@@ -46,17 +48,16 @@ def picture(image: Image) -> dict[str, Any]:
         "height": image.height,
         "colorSpace": image.color_space,
         "toRec709": color.conversion(image.color_space, color.DEFAULT).tolist(),
-        "layers": [_layer(name, pixels) for name, pixels in image.channels.items()],
+        "layers": [_layer(image.layer(n), pixels) for n, pixels in image.channels.items()],
         "about": {
             name: f"{value:.6g}" if isinstance(value, float) else str(value)
             for name, value in image.metadata.items()
-            if value is not None and name not in _LEFT_OUT
+            if value is not None and name not in _LEFT_OUT and not name.startswith(CRYPTOMATTE)
         },
     }
 
 
-def _layer(name: str, pixels: npt.NDArray[Any]) -> dict[str, Any]:
-    layer = layers.of(name, pixels)
+def _layer(layer: Layer, pixels: npt.NDArray[Any]) -> dict[str, Any]:
     planes = np.moveaxis(pixels[..., None] if pixels.ndim == 2 else pixels, -1, 0)
     stored = planes.astype(layer.dtype)
     if layer.half:
@@ -68,7 +69,7 @@ def _layer(name: str, pixels: npt.NDArray[Any]) -> dict[str, Any]:
     shuffled = stored.astype(stored.dtype.newbyteorder("<")).tobytes()
     by_significance = np.frombuffer(shuffled, np.uint8).reshape(-1, size).T.tobytes()
     return {
-        "name": name,
+        "name": layer.name,
         "kind": layer.kind,
         "channels": [channel.rpartition(".")[2] for channel in layer.channels],
         "type": {"float16": "half", "float32": "float", "uint32": "uint"}[stored.dtype.name],
