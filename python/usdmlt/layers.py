@@ -118,7 +118,7 @@ KNOWN: dict[str, Layer] = {
         _paths("diffuse", "C<RD>.*[LOB]"),
         _paths("specular", "C<R[GS]>.*[LOB]"),
         _paths("transmission", "C<T.>.*[LOB]"),
-        _paths("caustics", "C.*<.D><.S>+[LOB]"),
+        _paths("caustics", "C.*<.[DG]><.S>+[LO]"),
     )
 }
 ALWAYS = ("color", "alpha", "error")
@@ -246,8 +246,7 @@ def resolve(asked: Iterable[Asked]) -> tuple[Layer, ...]:
     return tuple(layer for layer in layers.values() if layer.name not in ALWAYS)
 
 
-def of_width(layer: Layer, width: int) -> Layer:
-    """The layer of a primvar of so many numbers; three are a colour if it is named so."""
-    kinds: Sequence[Kind] = ("scalar", "vector2", "vector3", "rgba")
-    is_color = width == 3 and "color" in layer.primvar.lower()
-    return replace(layer, kind="color" if is_color else kinds[width - 1])
+def of_width(layer: Layer, width: int, is_color: bool) -> Layer:
+    """The layer of a primvar of so many numbers, which may be a colour."""
+    kinds: Sequence[Kind] = ("scalar", "vector2", "color" if is_color else "vector3", "rgba")
+    return replace(layer, kind=kinds[width - 1])

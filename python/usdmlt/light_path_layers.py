@@ -6,6 +6,7 @@ A light is called by its group and by its prim path; lights without a group are 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,6 +19,8 @@ from usdmlt.surface_layers import all_meshes
 
 if TYPE_CHECKING:
     from usdmlt.scene import Light, Mesh, Scene
+
+logger = logging.getLogger("usdmlt")
 
 DEFAULT_GROUP = "default"
 ALL_GROUPS = "lightGroups"
@@ -54,16 +57,19 @@ def expanded(layers: Sequence[Layer], scene: Scene) -> list[Layer]:
 
 
 def compiled_for(scene: Scene, layers: Sequence[Layer]) -> LightPathLayers:
-    """For layers of light paths, whose expressions have been read before."""
+    """For layers of light paths, whose expressions have been read before. Warns of names in them
+    that nothing has."""
     expressions = [light_path_expressions.parse(layer.shows) for layer in layers]
-    known = frozenset[str]().union(*map(light_path_expressions.names_in, expressions))
+    names = frozenset[str]().union(*map(light_path_expressions.names_in, expressions))
+    meshes = all_meshes(scene)
+    there = {name for source in (*scene.lights, *meshes) for name in _names(source)}
+    for name in sorted(names - there - {DEFAULT_GROUP}):
+        logger.warning("no light is of the group or the path %s", name)
     kinds: dict[frozenset[str], int] = {}
 
     def kind(source: Light | Mesh) -> int:
-        called = known & {source.light_group or DEFAULT_GROUP, source.name}
-        return kinds.setdefault(called, len(kinds))
+        return kinds.setdefault(names & _names(source), len(kinds))
 
-    meshes = all_meshes(scene)
     of_light = np.array([kind(light) for light in scene.lights], np.int32)
     of_mesh = np.array([kind(mesh) for mesh in meshes], np.int32)
     automaton = light_path_expressions.compiled(expressions, list(kinds) or [()])
@@ -75,6 +81,10 @@ def compiled_for(scene: Scene, layers: Sequence[Layer]) -> LightPathLayers:
         of_mesh,
         np.array([mesh.is_light for mesh in meshes], bool),
     )
+
+
+def _names(source: Light | Mesh) -> set[str]:
+    return {source.light_group or DEFAULT_GROUP, source.name}
 
 
 def _may_emit(mesh: Mesh) -> bool:

@@ -219,11 +219,13 @@ class Material:
 class Primvar:
     """Values at corners: (count, width) float32, width 1 to 4.
 
-    ``corners`` (triangles, 3) int32 indexes ``values``; None: values are per vertex.
+    ``corners`` (triangles, 3) int32 indexes ``values``; None: values are per vertex. ``is_color``:
+    in the rendering colour space, for layers that show it.
     """
 
     values: np.ndarray
     corners: np.ndarray | None = None
+    is_color: bool = False
 
 
 @dataclass

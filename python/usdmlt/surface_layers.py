@@ -8,6 +8,7 @@ the shutter.
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,8 @@ from usdmlt.layers import Layer, of_width
 if TYPE_CHECKING:
     from usdmlt import _core
     from usdmlt.scene import Mesh, Scene
+
+logger = logging.getLogger("usdmlt")
 
 SAMPLES = 64  # of averages, per pixel
 CRYPTOMATTES = {"CryptoObject": "object", "CryptoMaterial": "material"}
@@ -58,6 +61,9 @@ def surface_layers(
         poll=None if stop is None else lambda _: stop(),
     )
     names = Names(scene)
+    for primvar in sorted({layer.primvar for layer in asked if layer.primvar}):
+        if not any(primvar in mesh.primvars for mesh in all_meshes(scene)):
+            logger.warning("no surface has the primvar %s: its layer is 0", primvar)
     for layer in asked:
         _add(result, layer, scene, names, seen)
     return result
@@ -87,7 +93,7 @@ def _add(
         if layer.kind == "uv":
             values = np.pad(values, ((0, 0), (0, 1)))[:, :2]
         else:
-            layer = of_width(layer, values.shape[1])
+            layer = of_width(layer, values.shape[1], _is_color(scene, layer.primvar))
     else:
         values = seen[layer.shows].astype(np.float32)
     width = values.size // (scene.width * scene.height)
@@ -112,6 +118,11 @@ def primvar_at(scene: Scene, name: str, seen: dict[str, Any]) -> npt.NDArray[np.
         chosen = values[triangles[seen["triangle"][pixels, 0]]]
         result[pixels, : values.shape[1]] = np.einsum("nc,ncw->nw", weights, chosen)
     return result
+
+
+def _is_color(scene: Scene, name: str) -> bool:
+    primvars = (mesh.primvars.get(name) for mesh in all_meshes(scene))
+    return any(primvar is not None and primvar.is_color for primvar in primvars)
 
 
 def all_meshes(scene: Scene) -> list[Mesh]:

@@ -75,7 +75,7 @@ def test_arrays_without_a_description_are_told_by_their_shape():
     assert layers.of("x", np.zeros((2, 2), np.float32)).channels == ("x.Y",)
 
 
-def test_three_numbers_are_a_colour_where_their_name_says_so():
-    assert layers.of_width(layers.primvar("displayColor"), 3).channels[0].endswith(".R")
-    assert layers.of_width(layers.primvar("velocity"), 3).channels[0].endswith(".X")
-    assert layers.of_width(layers.primvar("st"), 2).kind == "vector2"
+def test_three_numbers_are_a_colour_or_a_vector():
+    assert layers.of_width(layers.primvar("tint"), 3, True).channels[0].endswith(".R")
+    assert layers.of_width(layers.primvar("velocity"), 3, False).channels[0].endswith(".X")
+    assert layers.of_width(layers.primvar("st"), 2, False).kind == "vector2"

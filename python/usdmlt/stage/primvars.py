@@ -203,6 +203,8 @@ class Primvars:
                 "primvars whose number of values does not fit their interpolation are ignored",
                 f"{path()} ({count} {interpolation})",
             )
+        else:
+            result.is_color = primvar.GetAttr().GetTypeName().role == COLOR_ROLE
         return result
 
 
