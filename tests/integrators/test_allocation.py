@@ -37,10 +37,14 @@ PROGRAM = """
 import ctypes, sys
 from support import scenes
 from support.rendering import plan
+from usdmlt.layers import resolve
+from usdmlt.light_path_layers import compiled_for
 allocations = ctypes.CDLL(None).allocations
 allocations.restype = ctypes.c_ulonglong
-integrator, samples = sys.argv[1], int(sys.argv[2])
-render = plan(scenes.build("smooth_glass"), integrator, samples=samples, depth=8)
+integrator, samples, asked = sys.argv[1], int(sys.argv[2]), sys.argv[3:]
+scene = scenes.build("layers" if asked else "smooth_glass")
+layers = compiled_for(scene, resolve(asked)) if asked else None
+render = plan(scene, integrator, samples=samples, depth=8, layers=layers)
 n = render.units_total // 4
 def count(last):
     before, rays = allocations(), render.stats()["rays"]
@@ -67,8 +71,9 @@ def counter(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return library
 
 
+@pytest.mark.parametrize("layers", [[], ["LS+DE", "diffuse", "specular", "C.*<L.'key'>"]])
 @pytest.mark.parametrize("integrator", ALL)
-def test_nothing_is_allocated_per_ray(counter: Path, integrator: str) -> None:
+def test_nothing_is_allocated_per_ray(counter: Path, integrator: str, layers: list[str]) -> None:
     """Less than one allocation in a thousand rays is what units do: it is not what rays, paths or
     mutations do."""
     here = Path(__file__).parents[1]
@@ -76,7 +81,7 @@ def test_nothing_is_allocated_per_ray(counter: Path, integrator: str) -> None:
     environment["PYTHONPATH"] = os.pathsep.join([str(here), *filter(None, sys.path)])
     samples = "1024" if integrator == "mlt" else "512"
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, integrator, samples],
+        [sys.executable, "-c", PROGRAM, integrator, samples, *layers],
         env=environment, capture_output=True, text=True, check=True,
     )  # fmt: skip
     allocated, rays, units = map(int, done.stdout.split())
