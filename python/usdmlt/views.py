@@ -102,7 +102,6 @@ def _displayed(
         view.display,
         view.view,
         fromspace=name,
-        unpremult=False,
         colorconfig=view.config,
     )
     if shown.has_error:

@@ -49,6 +49,16 @@ def test_radiance_is_in_nit() -> None:
     assert (REC709 @ rgb)[1] == pytest.approx(683, rel=1e-3)
 
 
+def test_beyond_their_tables_light_is_dark_and_surfaces_stay_as_they_are() -> None:
+    wavelengths, values = np.array([500.0, 520.0, 540.0]), np.array([1.0, 2.0, 1.0])
+    dark = color.emission([499.99, *wavelengths, 540.01], [0, *values, 0], normalized=False)
+    np.testing.assert_allclose(
+        color.emission(wavelengths, values, normalized=False), dark, atol=1e-9
+    )
+    wide = color.reflectance([360, *wavelengths, 830], [0.2, 0.2, 0.6, 0.4, 0.4])
+    np.testing.assert_allclose(color.reflectance(wavelengths, [0.2, 0.6, 0.4]), wide, atol=1e-12)
+
+
 @pytest.mark.parametrize("space", SPACES)
 def test_a_spectrum_is_the_same_colour_in_every_space(space: str) -> None:
     wavelengths, values = [400, 500, 550, 600, 700], [0.1, 0.3, 0.8, 0.4, 0.9]
