@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from usdmlt import layers
 from usdmlt.errors import Error, UsageError
 
 if TYPE_CHECKING:
@@ -113,7 +112,7 @@ def _channels(image: Image) -> dict[str, npt.NDArray[np.float32]]:
     channels: dict[str, npt.NDArray[np.float32]] = {}
     for name, pixels in image.channels.items():
         columns = pixels[..., None] if pixels.ndim == 2 else pixels
-        names = layers.of(name, pixels).channels
+        names = image.layer(name).channels
         for channel, values in zip(names, np.moveaxis(columns, -1, 0), strict=True):
             channels[channel] = np.asarray(values, np.float32)
     return channels

@@ -46,16 +46,14 @@ class Part:
     @property
     def pixels(self) -> npt.NDArray[Any]:
         """(height, width, channels), of the one type they have, or of floats."""
-        kinds = {channel.dtype for channel in self.channels.values()}
-        if len(kinds) == 1:
-            return np.stack(list(self.channels.values()), axis=-1)
-        return np.stack(
-            [
-                channel / _LARGEST if channel.dtype == np.uint32 else channel
-                for channel in self.channels.values()
-            ],
-            axis=-1,
-        ).astype(np.float32)
+        channels = list(self.channels.values())
+        kinds = {channel.dtype for channel in channels}
+        kind = kinds.pop() if len(kinds) == 1 else np.dtype(np.float32)
+        pixels = np.empty((*channels[0].shape, len(channels)), kind)
+        for number, channel in enumerate(channels):
+            is_fraction = channel.dtype == np.uint32 and kind == np.float32
+            pixels[..., number] = channel / _LARGEST if is_fraction else channel
+        return pixels
 
 
 def write_parts(path: Path, parts: Sequence[Part]) -> None:

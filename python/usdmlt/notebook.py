@@ -26,7 +26,7 @@ class Live:
                 "pictures in a notebook need IPython: pip install 'usdmlt[notebook]'"
             ) from None
         self.view = view
-        self._display: Any = display
+        self._display = display
         self._handle: Any = None
 
     def __call__(self, image: Image) -> None:

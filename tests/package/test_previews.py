@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import logging
 from pathlib import Path
-from time import perf_counter, sleep
+from time import sleep
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,14 +44,36 @@ def test_pictures_that_are_shown_grow_and_the_last_bits_stay_the_same() -> None:
     np.testing.assert_array_equal(shown[0]["color"], part.image()["color"])
 
 
-@pytest.mark.parametrize("between", [0.1, 0.45])
-def test_previews_do_not_count_as_time_of_rendering(between: float) -> None:
-    """Half a second of rendering, with previews of 0.15 seconds; the last one comes in the midst."""
+class Noting:
+    """A core render that notes the deadlines it is run with."""
+
+    def __init__(self, render: Any) -> None:
+        self.render = render
+        self.deadlines: list[float] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.render, name)
+
+    def run(self, *arguments: Any, deadline_seconds: float, **more: Any) -> None:
+        self.deadlines.append(deadline_seconds)
+        self.render.run(*arguments, deadline_seconds=deadline_seconds, **more)
+
+
+def test_previews_do_not_count_as_time_of_rendering() -> None:
+    """After each, what is left of the time is the limit less the rendering before it."""
     watched = rendering(time=0.5)
-    started = perf_counter()
-    watched.run(previews=[Preview(lambda image: sleep(0.15), between)])
-    assert 0.5 <= watched.stats()["seconds"] < 0.8
-    assert perf_counter() - started > 0.78
+    watched._render = noting = Noting(watched._render)
+    shown: list[float] = []
+
+    def show(image: Image) -> None:
+        shown.append(image.stats["seconds"])
+        sleep(0.3)
+
+    watched.run(previews=[Preview(show, 0.1)])
+    assert len(shown) >= 2 and noting.deadlines[0] == 0.5
+    for deadline, seconds in zip(noting.deadlines[1:], shown, strict=True):
+        assert deadline == pytest.approx(0.5 - seconds, abs=0.05)
+    assert watched.stats()["seconds"] < 0.5 + 0.3
 
 
 def test_a_preview_that_fails_is_one_warning_and_the_render_goes_on(
