@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from collections.abc import Iterator
@@ -32,7 +33,15 @@ def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     channels["color"][3, 7] = 65504, 6e-8, 0.0
     channels["error"][0, 0] = np.nan
     channels["Z"][0, 0] = np.inf
-    metadata = {"stage": "</script><b>.usda", "seed": 7}
+    numbers = {"/World/Table": int(channels["objectId"][2, 5]), "/World/Lamp": 2**24 - 1}
+    hashes = {"/World/Lamp": channels["CryptoObject"][2, 5, 0].tobytes()[::-1].hex()}
+    metadata = {
+        "stage": "</script><b>.usda",
+        "seed": 7,
+        "objectIds": json.dumps(numbers),
+        "cryptomatte/ab12/name": "CryptoObject",
+        "cryptomatte/ab12/manifest": json.dumps(hashes),
+    }
     path = tmp_path_factory.mktemp("view") / "shot & <more>.exr"
     Image(channels, color_space="lin_ap1_scene", metadata=metadata).write(path)
     assert main(["view", str(path), "-q"]) == 0
@@ -94,7 +103,7 @@ def told(page: Any) -> dict[str, float]:
 def screen(page: Any, picture: Path, x: int, y: int) -> list[int]:
     """The colour of a pixel on a screenshot."""
     shot = picture.with_name("shot.png")
-    page.wait_for_function("!pending")
+    page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     at = place(page, x, y)
     page.screenshot(path=str(shot))
     return oiio.ImageInput.open(str(shot)).read_image("uint8")[int(at[1]), int(at[0]), :3].tolist()
@@ -147,6 +156,15 @@ def test_numbers_have_colours_of_their_own(page: Any, picture: Path) -> None:
     page.locator(".layer").nth(LAYERS.index("objectId")).click()
     colours = {tuple(screen(page, picture, x, 4)) for x in range(6)}
     assert len(colours) == 6
+
+
+def test_numbers_are_told_by_name(page: Any) -> None:
+    for layer, name in (("objectId", "/World/Table"), ("CryptoObject", "/World/Lamp")):
+        page.locator(".layer").nth(LAYERS.index(layer)).click()
+        page.mouse.move(*place(page, 5, 2))
+        assert page.inner_text("#name") == name
+        page.mouse.move(*place(page, 6, 2))
+        assert page.inner_text("#name") == ""
 
 
 def test_one_channel_is_shown_alone(page: Any, picture: Path) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import re
 import zlib
 from importlib.resources import files
 from string import Template
@@ -48,11 +49,14 @@ def picture(image: Image) -> dict[str, Any]:
         "height": image.height,
         "colorSpace": image.color_space,
         "toRec709": color.conversion(image.color_space, color.DEFAULT).tolist(),
-        "layers": [_layer(image.layer(n), pixels) for n, pixels in image.channels.items()],
+        "layers": [
+            _layer(image.layer(name), pixels) | {"names": _names(name, image.metadata)}
+            for name, pixels in image.channels.items()
+        ],
         "about": {
             name: f"{value:.6g}" if isinstance(value, float) else str(value)
             for name, value in image.metadata.items()
-            if value is not None and name not in _LEFT_OUT and not name.startswith(CRYPTOMATTE)
+            if value is not None and name not in _LEFT_OUT and not _is_manifest(name)
         },
     }
 
@@ -70,11 +74,29 @@ def _layer(layer: Layer, pixels: npt.NDArray[Any]) -> dict[str, Any]:
     by_significance = np.frombuffer(shuffled, np.uint8).reshape(-1, size).T.tobytes()
     return {
         "name": layer.name,
-        "kind": layer.kind,
+        "kind": "scalar" if layer.source == "measured" and layer.kind == "id" else layer.kind,
         "channels": [channel.rpartition(".")[2] for channel in layer.channels],
         "type": {"float16": "half", "float32": "float", "uint32": "uint"}[stored.dtype.name],
         "data": base64.b64encode(zlib.compress(by_significance, _LEVEL)).decode(),
     }
+
+
+def _is_manifest(name: str) -> bool:
+    return name.startswith(CRYPTOMATTE) or name.endswith("Ids")
+
+
+def _names(layer: str, metadata: dict[str, Any]) -> dict[str, str]:
+    """What the numbers of a layer stand for, those of Cryptomatte as the bits of their floats."""
+    manifest = metadata.get(f"{layer}s")
+    for key, value in metadata.items():
+        is_of = key.startswith(CRYPTOMATTE) and key.endswith("/name")
+        if is_of and re.fullmatch(re.escape(str(value)) + r"\d*", layer):
+            manifest = metadata.get(key.removesuffix("name") + "manifest")
+    try:
+        numbers = json.loads(manifest or "{}")
+        return {str(n if isinstance(n, int) else int(n, 16)): name for name, n in numbers.items()}
+    except (TypeError, ValueError, AttributeError):
+        return {}
 
 
 def _text(name: str) -> str:

@@ -4,7 +4,7 @@ const { width, height } = picture;
 const count = width * height;
 const byId = (id) => document.getElementById(id);
 const stage = byId("stage"), view = byId("view"), exposure = byId("exposure");
-const state = { layer: 0, channel: null, zoom: 1, x: 0, y: 0, held: null, hover: null };
+const state = { layer: 0, channel: null, zoom: 1, x: 0, y: 0, fitted: true, held: null, hover: null };
 const shown = new OffscreenCanvas(width, height);
 
 // --- values ---------------------------------------------------------------------------------
@@ -70,6 +70,9 @@ function idColor(n) {
   return n ? [64 + (h & 127), 64 + ((h >>> 8) & 127), 64 + ((h >>> 16) & 127)] : [24, 24, 24];
 }
 
+/** The numbers that Cryptomatte keeps in floats. */
+const bitsOf = (plane) => new Uint32Array(plane.buffer, plane.byteOffset, count);
+
 /** A function from a pixel's index and 2^exposure to three bytes in `out`. */
 function shader(layer, channel) {
   const planes = layer.planes, m = picture.toRec709;
@@ -98,7 +101,7 @@ function shader(layer, channel) {
     return (i, gain, out) => { const c = idColor(planes[0][i]); out[0] = c[0]; out[1] = c[1]; out[2] = c[2]; };
   if (layer.kind === "rgba") {
     // Cryptomatte: the number of the foremost thing is the bits of the first, its share the second.
-    const bits = new Uint32Array(planes[0].buffer, planes[0].byteOffset, count), share = planes[1];
+    const bits = bitsOf(planes[0]), share = planes[1];
     return (i, gain, out) => {
       const c = idColor(bits[i]);
       for (let k = 0; k < 3; ++k) out[k] = c[k] * Math.min(Math.max(share[i], 0), 1);
@@ -198,8 +201,8 @@ function drawNumbers(c, w, h) {
     }
 }
 
-const brief = (v) => (Number.isInteger(v) ? String(v) : Number(v.toPrecision(4)).toString());
-const full = (v) => (Number.isInteger(v) ? String(v) : Number(v.toPrecision(7)).toString());
+const brief = (v) => (Number.isSafeInteger(v) ? String(v) : Number(v.toPrecision(4)).toString());
+const full = (v) => (Number.isSafeInteger(v) ? String(v) : Number(v.toPrecision(7)).toString());
 
 // --- what is told of a pixel ----------------------------------------------------------------
 
@@ -209,6 +212,7 @@ function tell() {
   if (!at) {
     byId("position").textContent = "";
     byId("values").replaceChildren();
+    byId("name").textContent = "";
     byId("swatch").style.background = "none";
     return;
   }
@@ -223,6 +227,8 @@ function tell() {
       return [name, value];
     }),
   );
+  const named = l.names[l.kind === "rgba" ? bitsOf(l.planes[0])[i] : l.planes[0][i]];
+  byId("name").textContent = ["id", "rgba"].includes(l.kind) && named ? named : "";
   shader(l, state.channel)(i, gain(), out);
   byId("swatch").style.background = `rgb(${out.map(Math.round).join(" ")})`;
 }
@@ -285,6 +291,7 @@ function zoomTo(zoom, x, y) {
   x ??= held ? state.x + (held.x + 0.5) * state.zoom : stage.clientWidth / 2;
   y ??= held ? state.y + (held.y + 0.5) * state.zoom : stage.clientHeight / 2;
   const next = Math.min(Math.max(zoom, 0.02), 256);
+  state.fitted = false;
   state.x = x - ((x - state.x) * next) / state.zoom;
   state.y = y - ((y - state.y) * next) / state.zoom;
   state.zoom = next;
@@ -292,6 +299,7 @@ function zoomTo(zoom, x, y) {
 }
 
 function centre(zoom) {
+  state.fitted = false;
   state.zoom = zoom;
   state.x = Math.round((stage.clientWidth - width * zoom) / 2);
   state.y = Math.round((stage.clientHeight - height * zoom) / 2);
@@ -301,6 +309,7 @@ function centre(zoom) {
 function fit() {
   const zoom = Math.min((stage.clientWidth - 24) / width, (stage.clientHeight - 24) / height);
   centre(zoom >= 1 ? Math.min(Math.floor(zoom), 8) : zoom);
+  state.fitted = true;
 }
 
 function listen() {
@@ -330,6 +339,7 @@ function listen() {
     if (from && Math.hypot(event.clientX - from.at[0], event.clientY - from.at[1]) > 3) from.moved = true;
     if (from?.moved) {
       stage.classList.add("moving");
+      state.fitted = false;
       state.x = event.clientX - from.x;
       state.y = event.clientY - from.y;
       redraw();
@@ -347,7 +357,7 @@ function listen() {
     tell();
   });
   stage.addEventListener("pointerleave", () => { state.hover = null; tell(); });
-  new ResizeObserver(() => redraw()).observe(stage);
+  new ResizeObserver(() => (state.fitted ? fit() : redraw())).observe(stage);
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const key = event.key, onSlider = event.target === exposure;
