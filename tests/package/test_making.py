@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 import usdmlt
@@ -20,7 +21,9 @@ QUICK = {"width": 24, "samples": 8, "depth": 4}
 
 
 def same(a: Image, b: Image) -> bool:
-    return all(np.array_equal(a[name], b[name]) for name in ("color", "alpha", "error"))
+    return list(a.channels) == list(b.channels) and all(
+        np.array_equal(a[name], b[name], equal_nan=True) for name in a.channels
+    )
 
 
 @pytest.fixture
@@ -37,6 +40,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ["-w", 24, "--samples", 8, "--crop", 0.2, 0.3, 0.7, 0.9, "--filter", "box"],
         ["-w", 24, "--samples", 8, "--colorSpace", "ACEScg", "--purposes", "render,proxy"],
         ["-w", 24, "--samples", 8, "--set", "/World/light.inputs:intensity=3", "--mask", "/World"],
+        ["-w", 24, "--samples", 8, "--aov", "P,CryptoObject,primvars:st,mine=C<RD>.*[LOB]"],
         ["-w", 24, "--samples", 8, "-f", "1", "--double-sided", "auto", "--integrator", "bdpt"],
     ],
 )
@@ -159,6 +163,41 @@ def test_a_stage_that_is_gone_is_one_line(here: Path, capsys: pytest.CaptureFixt
     Path("scene.usda").unlink()
     assert main(["render", "--from", "a.exr", "b.exr"]) == 1
     assert "scene.usda" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("crop", [None, (0.25, 0.1, 0.85, 0.8)])
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_positions_land_on_their_own_pixels_by_the_matrix_in_the_file(
+    here: Path, crop: tuple[float, ...] | None, projection: str
+) -> None:
+    """Where the ray through the middle of a pixel hits, projected by what another reader reads."""
+    body = """#usda 1.0
+def Camera "main_cam" {{
+    token projection = "{}"
+    float focalLength = 30
+    float horizontalAperture = 40
+    float verticalAperture = 30
+    double3 xformOp:translate = (1, 2, 9)
+    float3 xformOp:rotateXYZ = (-8, 5, 20)
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]
+}}
+def Sphere "ball" {{
+    double radius = 6
+}}
+def DistantLight "sun" {{
+}}
+"""
+    (here / "ball.usda").write_text(body.format(projection))
+    usdmlt.render("ball.usda", width=40, crop=crop, samples=1, aovs=["P"]).write("a.exr")
+    file = oiio.ImageInput.open("a.exr")
+    spec, image = file.spec(), read_image("a.exr")
+    to_ndc = np.array(spec.getattribute("worldToNDC")).reshape(4, 4)
+    rows, columns = np.mgrid[0 : spec.height, 0 : spec.width]
+    hit = np.isfinite(image["P"]).all(axis=-1) & (image["P"] != 0).any(axis=-1)
+    assert hit.mean() > 0.4
+    x, y, _, w = np.moveaxis(np.insert(image["P"][hit], 3, 1, axis=-1) @ to_ndc, -1, 0)
+    np.testing.assert_allclose(x / w * spec.full_width, spec.x + columns[hit] + 0.5, atol=2e-3)
+    np.testing.assert_allclose(y / w * spec.full_height, spec.y + rows[hit] + 0.5, atol=2e-3)
 
 
 def test_anamorphic_pixels_and_the_frame_rate_are_told(here: Path) -> None:
