@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -88,7 +88,7 @@ def parts(image: Image, how: Format | None = None) -> list[Part]:
     first = _channels(layers.KNOWN["color"], image["color"], how)
     first |= _channels(layers.KNOWN["alpha"], image["alpha"], how)
     together = [layer for layer, _ in others if layer not in apart]
-    _check_compression(how, together)
+    check_compression(how, together)
     for layer, pixels in others:
         if layer in together:
             first |= _channels(layer, pixels, how)
@@ -211,9 +211,10 @@ def _frame_rate(rate: float) -> Fraction:
     return ntsc if abs(rate - ntsc) < 1e-3 else Fraction(rate).limit_denominator(1000)
 
 
-def _check_compression(how: Format, others: list[layers.Layer]) -> None:
-    """Hashes of names, which Cryptomatte keeps in colours, would not survive a lossy one."""
-    broken = [layer.name for layer in others if layer.kind == "rgba" and not layer.half]
+def check_compression(how: Format, together: Iterable[layers.Layer]) -> None:
+    """Raise ValueError where layers of one part would be lost: hashes of names, which Cryptomatte
+    keeps in colours, do not survive a lossy compression."""
+    broken = [layer.name for layer in together if layer.kind == "rgba" and not layer.half]
     if how.lossy and broken:
         raise UsageError(
             f"{how.compression} would break {', '.join(broken)}: choose zip, zips or piz, or "

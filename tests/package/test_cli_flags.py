@@ -154,6 +154,7 @@ def test_an_attribute_is_set(call: Call) -> None:
         (["--view", "ACES", "-color", "disabled"], 2, "not allowed with argument"),
         (["--compression", "gzip"], 2, "compression must be one of none, rle, zip"),
         (["--compression", "dwaa:x"], 2, "its level is a whole number"),
+        (["--compression", "b44", "--aov", "CryptoObject"], 2, "b44 would break CryptoObject"),
         (["--pixel-type", "double"], 2, "invalid choice"),
         (["--snapshot", 0], 2, "--snapshot 0 is no time between pictures"),
         (["--display", "here:there"], 2, "'here:there' is not HOST:PORT"),

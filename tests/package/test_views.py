@@ -9,6 +9,7 @@ import OpenImageIO as oiio
 import pytest
 
 from usdmlt import Error, Image, color, views
+from usdmlt.cli import main
 
 CONFIG = """ocio_profile_version: 2
 search_path: ""
@@ -136,3 +137,15 @@ def test_a_configuration_without_a_known_space_is_an_error(
     monkeypatch.setenv("OCIO", str(own_config.with_name("other.ocio")))
     with pytest.raises(Error, match=r"no space for linear Rec\.709 or ACES"):
         views.encode(row(1), view="Dark")
+
+
+def test_views_are_tried_before_anything_is_rendered(
+    own_config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The stage does not exist, and it is the view that is complained about."""
+    own_config.write_text(CONFIG.replace("LIN_AP1", "secret"))
+    output = str(own_config.with_name("a.png"))
+    for view, status, says in (("Dark", 1, "no space for"), ("nope", 2, "unknown view 'nope'")):
+        assert main(["render", "none.usda", output, "--view", view]) == status
+        said = capsys.readouterr().err
+        assert says in said and len(said.splitlines()) == 1

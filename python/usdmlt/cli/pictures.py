@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from usdmlt.errors import Error, UsageError
 if TYPE_CHECKING:
     from usdmlt.display import Display
     from usdmlt.image import Image
+    from usdmlt.layers import Layer
     from usdmlt.previews import Preview
 
 logger = logging.getLogger("usdmlt")
@@ -92,6 +93,8 @@ class Pictures:
     """The flags, checked before anything is rendered, and the connection to a display."""
 
     def __init__(self, arguments: argparse.Namespace, outputs: list[str]) -> None:
+        import numpy as np
+
         from usdmlt import exr, views
 
         self.view: str = arguments.view or arguments.colorCorrectionMode
@@ -100,12 +103,12 @@ class Pictures:
             "pixel_type": arguments.pixel_type,
             "multipart": arguments.multipart,
         }
-        exr.Format(**self.how)
+        self._format = exr.Format(**self.how)
         has_views = any(Path(output).suffix.lower() != ".exr" for output in outputs)
         if arguments.view and not has_views:
             raise UsageError("--view is of a .png or .jpg: an .exr is linear, and has none")
-        if has_views and self.view != "disabled":
-            views.find(self.view)
+        if has_views:
+            views.encode(np.zeros((1, 1, 3)), view=self.view)  # now, not when all is rendered
         self.snapshot_seconds: float | None = arguments.snapshot
         if self.snapshot_seconds is not None and not self.snapshot_seconds > 0:
             raise UsageError(f"--snapshot {self.snapshot_seconds:g} is no time between pictures")
@@ -114,6 +117,13 @@ class Pictures:
             from usdmlt.display import Display
 
             self._display = Display(arguments.display)
+
+    def check_layers(self, asked: Iterable[Layer], output: str) -> None:
+        """Raise ValueError for layers that the file could not hold."""
+        from usdmlt import exr
+
+        if Path(output).suffix.lower() == ".exr" and not self._format.multipart:
+            exr.check_compression(self._format, asked)
 
     def write(self, image: Image, output: str) -> None:
         """Write the picture; show it a last time."""

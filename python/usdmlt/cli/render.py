@@ -366,6 +366,7 @@ def _render(arguments: argparse.Namespace, asked: Asked, job: Job, pictures: Pic
     scene = load(asked.stage, **options)
     settings = merged(scene.settings, asked.settings)
     rendering = Rendering(scene, settings)
+    pictures.check_layers(rendering.layers, job.output)
     logger.info("%s", _description(asked.stage, rendering))
     with Interruption(signal.SIGINT, signal.SIGTERM, always=True) as interruption:
         with pictures.previews(job.output) as previews:
