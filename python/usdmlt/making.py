@@ -32,12 +32,14 @@ _NOT_KEPT = ("threads", "time")
 
 @dataclass(frozen=True)
 class Making:
-    """How a picture was made, as its file says. ``options``: of :func:`usdmlt.load`."""
+    """How a picture was made, as its file says. ``options``: of :func:`usdmlt.load`.
+    ``units``, ``samples_per_pixel``: how much of the work was done."""
 
     stage: str
     options: dict[str, Any]
     settings: dict[str, Any]
     units: int
+    samples_per_pixel: float
     version: str
 
 
@@ -66,7 +68,7 @@ def metadata(scene: Scene, settings: Settings, stats: dict[str, Any]) -> dict[st
         "pixel_aspect_ratio": _pixel_aspect_ratio(scene),
         "worldToCamera": world_to_camera,
         "worldToNDC": world_to_ndc,
-        "settings": _settings(scene, settings, stats["units_done"]),
+        "settings": _settings(scene, settings, stats),
     }
 
 
@@ -108,7 +110,7 @@ def kept_options(options: LoadOptions) -> dict[str, Any]:
     return kept
 
 
-def _settings(scene: Scene, settings: Settings, units: int) -> str | None:
+def _settings(scene: Scene, settings: Settings, stats: dict[str, Any]) -> str | None:
     """None of a stage that was not read from a file alone."""
     if "options" not in scene.metadata:
         return None
@@ -116,7 +118,8 @@ def _settings(scene: Scene, settings: Settings, units: int) -> str | None:
     if settings.mutations is None:
         kept["samples"] = settings.resolved_samples
     stage, options = str(scene.metadata["stage"]), cast(Any, scene.metadata["options"])
-    return json.dumps(asdict(Making(stage, options, kept, units, __version__)))
+    done = stats["units_done"], stats["samples_per_pixel"]
+    return json.dumps(asdict(Making(stage, options, kept, *done, __version__)))
 
 
 def _pixel_aspect_ratio(scene: Scene) -> float:

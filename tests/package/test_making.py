@@ -88,6 +88,24 @@ def test_flags_change_what_is_made_again(here: Path) -> None:
     assert read_image("c.exr").metadata["integrator"] == "mlt"
 
 
+def test_a_changed_picture_that_a_time_limit_had_ended_gets_as_many_samples(here: Path) -> None:
+    main(["render", str(SCENE), "a.exr", "-w", "24", "--time", "0.3", "--depth", "4"])
+    taken = read_image("a.exr").metadata["samples"]
+    assert main(["render", "--from", "a.exr", "b.exr", "--res", "48", "20"]) == 0
+    b = read_image("b.exr")
+    assert (b.width, b.height) == (48, 20)
+    assert b.metadata["samples"] == pytest.approx(taken, abs=1)
+    assert main(["render", "--from", "b.exr", "c.exr", "-w", "16"]) == 0
+    assert (read_image("c.exr").width, read_image("c.exr").height) == (16, 16)
+
+
+def test_flags_that_turn_something_off_count_too(here: Path) -> None:
+    (here / "dark.usda").write_text('#usda 1.0\ndef Sphere "ball" {\n}\n')
+    usdmlt.render("dark.usda", **QUICK).write("a.exr")
+    assert main(["render", "--from", "a.exr", "b.exr", "--disableCameraLight"]) == 0
+    assert read_image("a.exr")["color"].max() > 0.1 and not read_image("b.exr")["color"].any()
+
+
 def test_another_stage_may_be_rendered_in_the_same_way(here: Path) -> None:
     usdmlt.render(SCENE, **QUICK).write("a.exr")
     shutil.copy(SCENE, "moved.usda")
@@ -138,9 +156,15 @@ def test_a_picture_that_does_not_say_how_is_one_line(
     assert f"a.exr does not say how to make it again: {reason}" in said
 
 
+def made(**more: object) -> dict[str, object]:
+    """What a file says, of another version."""
+    done = {"units": 1, "samples_per_pixel": 8.0}
+    return {"stage": "a", "options": {}, "settings": {}, "version": "9", **done, **more}
+
+
 def test_damaged_settings_are_an_error_and_not_a_crash(here: Path) -> None:
     image = Image.from_rgba(np.zeros((2, 2, 4)), metadata={"renderer": "usdmlt 9"})
-    whole = {"stage": "a", "options": {}, "settings": {}, "units": 1, "version": "9"}
+    whole = made()
     for damaged in ("{", [], {"stage": 1}, whole | {"settings": 3}, whole | {"more": 1}):
         text = damaged if isinstance(damaged, str) else json.dumps(damaged)
         image.metadata["settings"] = text
@@ -150,8 +174,7 @@ def test_damaged_settings_are_an_error_and_not_a_crash(here: Path) -> None:
 
 
 def test_options_of_another_version_are_named(here: Path) -> None:
-    made = {"stage": "a", "options": {"fog": 1}, "settings": {}, "units": 1, "version": "9"}
-    metadata = {"renderer": "usdmlt 9", "settings": json.dumps(made)}
+    metadata = {"renderer": "usdmlt 9", "settings": json.dumps(made(options={"fog": 1}))}
     Image.from_rgba(np.zeros((2, 2, 4)), metadata=metadata).write("a.exr")
     with pytest.raises(Error, match="made by usdmlt 9, with fog: unknown here"):
         making.read_making("a.exr")

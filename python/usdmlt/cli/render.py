@@ -8,17 +8,15 @@ import logging
 import os
 import signal
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from usdmlt import layers
-from usdmlt._version import __version__
+from usdmlt.cli.asked import Asked, read_asked
 from usdmlt.cli.frames import check_placeholder, frame_path, parse_frames
 from usdmlt.cli.logs import add_verbosity
 from usdmlt.cli.pictures import Pictures, add_looking_flags, add_writing_flags
 from usdmlt.cli.progress import ProgressStyle
-from usdmlt.cli.reading import add_view_flags, load_options
+from usdmlt.cli.reading import add_view_flags
 from usdmlt.cli.tracing import add_tracing_flags, tracing
 from usdmlt.errors import Error, UsageError
 from usdmlt.settings import MUTATIONS, DirectName, FilterName, IntegratorName, Settings, merged
@@ -185,19 +183,6 @@ class Job:
     stats: str | None
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What the flags ask for: the stage, the options of reading, and those of rendering.
-
-    ``until``: the number of work units where a picture is made again, else None.
-    """
-
-    stage: str
-    options: dict[str, Any]
-    settings: dict[str, Any]
-    until: int | None = None
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Render every frame; the exit status."""
     with tracing(arguments.traceToFile, arguments.traceFormat):
@@ -207,7 +192,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from usdmlt import files
 
-    asked = _asked(arguments)
+    asked = read_asked(arguments)
     if arguments.list_cameras:
         from usdmlt.stage import camera_paths
 
@@ -227,53 +212,6 @@ def _run(arguments: argparse.Namespace) -> int:
         if status:
             return status
     return 0
-
-
-def _asked(arguments: argparse.Namespace) -> Asked:
-    """The flags, over what a picture says that is made again; checked."""
-    given = _given(arguments)
-    primvars = Settings(**given).primvars
-    options = load_options(arguments) | {"strict": arguments.strict, "primvars": primvars}
-    if arguments.made is None:
-        if arguments.stage is None:
-            raise UsageError("name the STAGE to render, or a picture --from which to make it again")
-        return Asked(arguments.stage, options, given)
-    from usdmlt.making import read_making
-    from usdmlt.options import LoadOptions
-
-    making = read_making(arguments.made)
-    if making.version != __version__:
-        logger.warning(
-            "%s was made by usdmlt %s, and this is %s: the bits may differ",
-            arguments.made,
-            making.version,
-            __version__,
-        )
-    if arguments.output is None:
-        again = Path(arguments.made)
-        again = again.with_name(f"{again.stem}_again{again.suffix}")
-        arguments.stage, arguments.output = None, arguments.stage or str(again)
-    changed = {name: value for name, value in options.items() if value}
-    changed = {n: v for n, v in changed.items() if v != getattr(LoadOptions(), n)}
-    settings = asdict(merged(making.settings, given))
-    return Asked(
-        arguments.stage or making.stage,
-        making.options | changed,
-        settings,
-        None if {"samples", "mutations", "time"} & given.keys() else making.units,
-    )
-
-
-def _given(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The settings that flags were given for."""
-    names = ("integrator", "samples", "mutations", "time", "depth", "seed", "threads", "filter")
-    values = {
-        name: getattr(arguments, name) for name in (*names, "direct", "selective", "two_stage")
-    }
-    if arguments.aov is not None:
-        values["aovs"] = [name for flag in arguments.aov for name in layers.split(flag)]
-    values["mutation_weights"] = parse_weights(arguments.mutation_weights)
-    return {name: value for name, value in values.items() if value is not None}
 
 
 def _jobs(arguments: argparse.Namespace, asked: Asked) -> list[Job]:
@@ -332,22 +270,6 @@ def _exists(output: str) -> bool:
     if there:
         logger.info("%s is there already: left out", output)
     return there
-
-
-def parse_weights(flags: Sequence[str] | None) -> dict[str, float] | None:
-    """`lens=0.4,bidirectional=0.6`, of one flag or several; None where there is none."""
-    if flags is None:
-        return None
-    weights: dict[str, float] = {}
-    for item in ",".join(flags).split(","):
-        name, _, weight = (part.strip() for part in item.partition("="))
-        if name in weights:
-            raise UsageError(f"--mutation-weights has two weights for {name}")
-        try:
-            weights[name] = float(weight)
-        except ValueError:
-            raise UsageError(f"--mutation-weights: {item!r} is not NAME=WEIGHT") from None
-    return weights
 
 
 def _render(arguments: argparse.Namespace, asked: Asked, job: Job, pictures: Pictures) -> int:
