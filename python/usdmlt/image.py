@@ -23,7 +23,7 @@ from usdmlt.layers import of as layer_of
 EXTENSIONS = (".exr", ".png", ".jpg", ".jpeg")
 
 
-@dataclass
+@dataclass(repr=False)
 class Image:
     """A rendered picture.
 
@@ -54,6 +54,9 @@ class Image:
 
     def __getitem__(self, name: str) -> npt.NDArray[Any]:
         return self.channels[name]
+
+    def __repr__(self) -> str:
+        return f"<{self.width}x{self.height} {self.color_space}: {', '.join(self.channels)}>"
 
     def layer(self, name: str) -> Layer:
         """What one of ``channels`` is."""

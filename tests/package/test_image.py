@@ -95,6 +95,10 @@ def test_the_error_is_a_channel_of_floats_that_comes_back_as_it_was(tmp_path: Pa
     assert oiio.ImageInput.open(str(tmp_path / "a.png")).spec().channelnames == ("R", "G", "B")
 
 
+def test_a_picture_says_in_a_line_what_it_has() -> None:
+    assert repr(picture()) == "<7x5 lin_rec709_scene: color, alpha>"
+
+
 def test_a_picture_without_error_has_none_when_read(tmp_path: Path) -> None:
     picture().write(tmp_path / "a.exr")
     assert "error" not in read_image(tmp_path / "a.exr").channels

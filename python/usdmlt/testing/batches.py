@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pxr import Usd
 
 
-@dataclass
+@dataclass(repr=False)
 class Batches(Image):
     """A picture that is the mean of independent ones, with the error that they show.
 
