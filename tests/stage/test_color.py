@@ -5,8 +5,9 @@ from __future__ import annotations
 import colour
 import numpy as np
 import pytest
-from pxr import Gf
+from pxr import Gf, UsdLux
 
+from usdmlt import color
 from usdmlt.stage.color import ColorSpaces, canonical, decode, defined
 
 RENDERING = [
@@ -115,6 +116,22 @@ def test_light_colors_are_converted_too(read):
         color_space="lin_ap1_scene",
     )
     assert scene.lights[0].radiance == pytest.approx([1.22624, 0.14038, 0.04124], abs=4e-4)
+
+
+@pytest.mark.parametrize("rendering", RENDERING)
+def test_color_temperatures_are_the_same_light_in_every_space(read, rendering):
+    body = """def SphereLight "l" {
+        bool inputs:enableColorTemperature = 1
+        float inputs:colorTemperature = 3000
+        color3f inputs:color = (0.2, 0.9, 0.4)
+    }"""
+    rec709 = np.array(read(body).lights[0].radiance)
+    kelvin = np.array(UsdLux.BlackbodyTemperatureAsRgb(3000))
+    assert rec709 == pytest.approx(kelvin * (0.2, 0.9, 0.4), rel=1e-6)
+    found = np.array(read(body, color_space=rendering).lights[0].radiance)
+    assert color.conversion(rendering, "lin_rec709_scene") @ found == pytest.approx(
+        rec709, abs=1e-6
+    )
 
 
 @pytest.mark.parametrize("name", ["srgb_rec709_scene", "raw", "lin_ciexyzd65_scene", "nonsense"])
