@@ -16,6 +16,9 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     import colour
 
+# It resamples what has another step than a nanometre, and says so.
+pytestmark = pytest.mark.filterwarnings("ignore:Aligning")
+
 REC709 = np.array(color.rendering_space("lin_rec709_scene").to_xyz)
 SPACES = ["lin_rec709_scene", "lin_rec2020_scene", "lin_ap1_scene"]
 
