@@ -19,6 +19,8 @@ from usdmlt.cli import main
 SIZE = (30, 40)
 LAYERS = ("color", "alpha", "error", "CryptoObject", "N", "Z", "objectId")
 
+DRAWN = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
 
 @pytest.fixture(scope="module")
 def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -57,25 +59,30 @@ def test_the_page_names_no_address_and_escapes_what_it_says(picture: Path) -> No
 
 
 @pytest.fixture(scope="module")
-def opened(picture: Path) -> Iterator[Any]:
-    """The page as the browser has it; it asks for nothing and has no errors."""
+def browser() -> Iterator[Any]:
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     browser_path = shutil.which("chromium") or shutil.which("chromium-browser")
     if browser_path is None:
         pytest.skip("chromium is not installed")
-    url = picture.with_suffix(".html").as_uri()
     with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
+        launched = playwright.chromium.launch(
             executable_path=browser_path, args=["--no-sandbox"], headless=True
         )
-        page = browser.new_page(viewport={"width": 1000, "height": 600})
-        asked: list[str] = []
-        page.on("request", lambda request: asked.append(request.url))
-        page.on("pageerror", lambda error: asked.append(f"error: {error}"))
-        page.goto(url)
-        page.wait_for_selector("body[data-ready]")
-        yield page
-        browser.close()
+        yield launched
+        launched.close()
+
+
+@pytest.fixture(scope="module")
+def opened(browser: Any, picture: Path) -> Iterator[Any]:
+    """The page as the browser has it; it asks for nothing and has no errors."""
+    url = picture.with_suffix(".html").as_uri()
+    page = browser.new_page(viewport={"width": 1000, "height": 600})
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("pageerror", lambda error: asked.append(f"error: {error}"))
+    page.goto(url)
+    page.wait_for_selector("body[data-ready]")
+    yield page
     assert asked == [url]
 
 
@@ -103,7 +110,7 @@ def told(page: Any) -> dict[str, float]:
 def screen(page: Any, picture: Path, x: int, y: int) -> list[int]:
     """The colour of a pixel on a screenshot."""
     shot = picture.with_name("shot.png")
-    page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    page.evaluate(DRAWN)
     at = place(page, x, y)
     page.screenshot(path=str(shot))
     return oiio.ImageInput.open(str(shot)).read_image("uint8")[int(at[1]), int(at[0]), :3].tolist()
@@ -198,6 +205,20 @@ def test_a_click_holds_a_pixel(page: Any, picture: Path) -> None:
     assert page.inner_text("#position") == "x 30  y 20"
     page.keyboard.press("ArrowDown")
     assert told(page)["A"] == pytest.approx(float(image["alpha"][20, 30]), rel=5e-7)
+
+
+def test_large_pictures_are_drawn_coarsely_and_then_finished(browser: Any, tmp_path: Path) -> None:
+    Image.from_rgba(np.full((1000, 1100, 4), 0.5)).write(tmp_path / "a.exr")
+    assert main(["view", str(tmp_path / "a.exr"), "-q"]) == 0
+    page = browser.new_page()
+    page.goto((tmp_path / "a.html").as_uri())
+    page.wait_for_selector("body[data-ready]")
+    page.evaluate("shadeAll(1); setExposure(1)")
+    page.evaluate(DRAWN)
+    assert page.evaluate("[shown.width, shown.height]") == [550, 500]
+    page.evaluate("new Promise(done => setTimeout(done, 2 * DRAFT_MILLISECONDS))")
+    assert page.evaluate("[shown.width, shown.height]") == [1100, 1000]
+    page.close()
 
 
 def test_it_says_how_the_picture_was_made(page: Any) -> None:

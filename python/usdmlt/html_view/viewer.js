@@ -6,6 +6,8 @@ const byId = (id) => document.getElementById(id);
 const stage = byId("stage"), view = byId("view"), exposure = byId("exposure");
 const state = { layer: 0, channel: null, zoom: 1, x: 0, y: 0, fitted: true, held: null, hover: null };
 const shown = new OffscreenCanvas(width, height);
+// Large pictures are drawn of every so many pixels first, so that the exposure follows the hand.
+const DRAFT_STEP = Math.ceil(Math.sqrt(count / 1e6)), DRAFT_MILLISECONDS = 200;
 
 // --- values ---------------------------------------------------------------------------------
 
@@ -41,7 +43,10 @@ const HALVES = Float32Array.from({ length: 65536 }, (_, bits) => {
 
 /** What nearly all finite values are between, and 0 and 1 where they are all the same. */
 function range(plane) {
-  const some = plane.filter((v, i) => i % Math.ceil(count / 65536) === 0 && Number.isFinite(v)).sort();
+  const some = [];
+  for (let i = 0, step = Math.ceil(count / 65536); i < count; i += step)
+    if (Number.isFinite(plane[i])) some.push(plane[i]);
+  some.sort((a, b) => a - b);
   const low = some[Math.floor(0.002 * some.length)], high = some[Math.ceil(0.998 * some.length) - 1];
   return low < high ? [low, high] : [Math.min(low, 0) || 0, Math.max(high, 1) || 1];
 }
@@ -142,7 +147,14 @@ function shade(layer, channel, gain, step = 1) {
 
 const layer = () => picture.layers[state.layer];
 const gain = () => 2 ** Number(exposure.value);
-let pending = false, stale = true;
+let pending = false, stale = true, finishing = 0;
+
+function shadeAll(step) {
+  const pixels = shade(layer(), state.channel, gain(), step);
+  shown.width = pixels.width;
+  shown.height = pixels.height;
+  shown.getContext("2d").putImageData(pixels, 0, 0);
+}
 
 function redraw(pixels = false) {
   stale ||= pixels;
@@ -150,7 +162,11 @@ function redraw(pixels = false) {
   pending = true;
   requestAnimationFrame(() => {
     pending = false;
-    if (stale) shown.getContext("2d").putImageData(shade(layer(), state.channel, gain()), 0, 0);
+    if (stale) {
+      shadeAll(DRAFT_STEP);
+      clearTimeout(finishing);
+      if (DRAFT_STEP > 1) finishing = setTimeout(() => { shadeAll(1); draw(); }, DRAFT_MILLISECONDS);
+    }
     stale = false;
     draw();
   });
