@@ -99,8 +99,10 @@ class Image:
 
     def _view(self, view: str) -> Part:
         attributes: dict[str, Any] = {"Compression": "jpeg:95", "jpeg:subsampling": "4:4:4"}
-        if view in ("sRGB", "disabled"):
-            attributes["oiio:ColorSpace"] = "sRGB" if view == "sRGB" else self.color_space
+        if view == "disabled":
+            attributes["oiio:ColorSpace"] = self.color_space
+        elif views.find(view).display.startswith("sRGB"):
+            attributes["oiio:ColorSpace"] = "sRGB"
         if "renderer" in self.metadata:
             attributes["Software"] = self.metadata["renderer"]
         return Part(rgb(views.encode(self["color"], self.color_space, view)), attributes)
