@@ -4,9 +4,10 @@
 //
 // Partly opaque surfaces: averages have all of them, each with the share of the light that comes
 // from it; a centre shows the one at which half of the light is kept off.
+//
+// Objects are numbered: the meshes of the world, those of each instance in turn, the lights.
 #pragma once
 
-#include <functional>
 #include <vector>
 
 #include "film/pixel_filter.hpp"
@@ -15,42 +16,40 @@
 
 namespace usdmlt {
 
-// A surface as the scene counts it: of a mesh that is placed or instanced, or of a light's shape.
-struct SurfaceKey {
-    uint32_t mesh = invalid_index, instance = invalid_index, light = invalid_index;
-    uint32_t material = invalid_index;
-    auto operator<=>(const SurfaceKey&) const = default;
-    bool exists() const { return mesh != invalid_index || light != invalid_index; }
-};
-
-// At the shutter's opening, through the centres of the pixel and of the lens.
-struct SurfaceAtCentre {
-    SurfaceKey key;
-    uint32_t triangle = 0;
-    Vec2f barycentrics;                      // of corners 1 and 2
-    Vec3d position;                          // world
-    Vec3f shading_normal, geometric_normal;  // on the side that is seen
-    float depth = 0;                         // along the view axis
-    Vec2f motion;  // of the point while the shutter is open: pixels to the right, and up
-};
-
 struct SurfaceLayersSettings {
+    // Through the centres of the pixel and of the lens, when the shutter opens.
+    bool objects = false, materials = false, places = false;  // places: triangle, barycentrics
+    bool positions = false, shading_normals = false, geometric_normals = false, depths = false,
+         motion = false;
+    // Averages of so many samples per pixel.
+    bool albedo = false, coverage = false;
+    int samples = 1;
+    int ranks = 1;  // of what a pixel has, the largest
     PixelFilter filter;
-    int samples = 0;  // of the averages, per pixel; 0: there are none
-    int ranks = 0;    // surfaces that are kept by pixel, the largest first
+
+    bool centre() const {
+        return objects || materials || places || positions || shading_normals ||
+               geometric_normals || depths || motion;
+    }
+    bool averages() const { return albedo || coverage; }
 };
 
+// By pixel; what is not asked for is empty. −1: nothing.
 struct SurfaceLayers {
-    std::vector<SurfaceAtCentre> centre;  // by pixel; no key: nothing is there
-    std::vector<Spectrum> albedo;         // premultiplied by coverage
-    // By pixel and rank; the coverages of all surfaces sum to the pixel's alpha.
-    std::vector<SurfaceKey> keys;
-    std::vector<float> coverage;
-    std::vector<uint32_t> material;
-    std::vector<float> material_coverage;
+    std::vector<int32_t> object, material, triangle;
+    std::vector<Vec2f> barycentrics;                      // of corners 1 and 2
+    std::vector<Vec3f> position;                          // world
+    std::vector<Vec3f> shading_normal, geometric_normal;  // on the side that is seen
+    std::vector<float> depth;                             // along the view axis; ∞: nothing
+    std::vector<Vec2f> motion;  // of the point while the shutter is open: pixels right, and up
+
+    std::vector<Vec3f> albedo;  // premultiplied by coverage
+    // By pixel and rank; the coverages of all objects sum to the pixel's alpha.
+    std::vector<int32_t> covering_object, covering_material;
+    std::vector<float> object_coverage, material_coverage;
 };
 
-// Polls as units do; where that says stop, what is left has a single sample per pixel.
+// Polls as units do; where that says stop, the averages that are left have a single sample.
 SurfaceLayers surface_layers(const Scene& scene, const SurfaceLayersSettings& settings,
                              const RunLimits& limits);
 

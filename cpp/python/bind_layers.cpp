@@ -3,7 +3,7 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
-#include <limits>
+#include <set>
 
 #include "layers/surface_layers.hpp"
 #include "python/polling.hpp"
@@ -19,69 +19,31 @@ std::vector<T> vector_of(const py::handle& array) {
     return std::vector<T>(a.data(), a.data() + a.size());
 }
 
-// (pixels, width) arrays of what `get` writes for each of `of`.
-template <typename T, typename From, typename Get>
-py::array_t<T> columns(const std::vector<From>& of, int width, const Get& get) {
-    py::array_t<T> out({static_cast<py::ssize_t>(of.size()), static_cast<py::ssize_t>(width)});
-    T* data = out.mutable_data();
-    for (size_t i = 0; i < of.size(); ++i) get(of[i], data + i * size_t(width));
-    return out;
+// Hands over a layer, unless it is empty.
+template <typename To, typename From>
+void put(py::dict& out, const char* name, std::vector<From>& layer) {
+    if (layer.empty()) return;
+    constexpr size_t width = sizeof(From) / sizeof(To);
+    auto* kept = new std::vector<From>(std::move(layer));
+    const py::capsule owner(kept, [](void* p) { delete static_cast<std::vector<From>*>(p); });
+    out[name] = py::array_t<To>({kept->size(), width}, reinterpret_cast<To*>(kept->data()), owner);
 }
 
-// −1: none.
-int64_t index_or_none(uint32_t index) { return index == invalid_index ? -1 : int64_t(index); }
-
-// mesh, instance, light, material
-py::array_t<int64_t> keys_of(const std::vector<SurfaceKey>& keys) {
-    return columns<int64_t>(keys, 4, [](const SurfaceKey& key, int64_t* out) {
-        out[0] = index_or_none(key.mesh);
-        out[1] = index_or_none(key.instance);
-        out[2] = index_or_none(key.light);
-        out[3] = index_or_none(key.material);
-    });
-}
-
-py::array_t<float> vectors_of(const std::vector<SurfaceAtCentre>& centre,
-                              Vec3f SurfaceAtCentre::* member) {
-    return columns<float>(centre, 3, [&](const SurfaceAtCentre& surface, float* out) {
-        out[0] = (surface.*member).x;
-        out[1] = (surface.*member).y;
-        out[2] = (surface.*member).z;
-    });
-}
-
-py::dict centre_of(const std::vector<SurfaceAtCentre>& centre) {
-    using Surface = SurfaceAtCentre;
-    std::vector<SurfaceKey> keys;
-    for (const Surface& surface : centre) keys.push_back(surface.key);
-    py::dict out;
-    out["key"] = keys_of(keys);
-    out["triangle"] = columns<int64_t>(
-        centre, 1, [](const Surface& surface, int64_t* i) { *i = surface.triangle; });
-    out["barycentrics"] = columns<float>(centre, 2, [](const Surface& surface, float* b) {
-        b[0] = surface.barycentrics.x;
-        b[1] = surface.barycentrics.y;
-    });
-    out["P"] = columns<double>(centre, 3, [](const Surface& surface, double* p) {
-        p[0] = surface.position.x;
-        p[1] = surface.position.y;
-        p[2] = surface.position.z;
-    });
-    out["N"] = vectors_of(centre, &Surface::shading_normal);
-    out["Ng"] = vectors_of(centre, &Surface::geometric_normal);
-    out["Z"] = columns<float>(centre, 1, [](const Surface& surface, float* z) {
-        *z = surface.key.exists() ? surface.depth : std::numeric_limits<float>::infinity();
-    });
-    out["motionvector"] = columns<float>(centre, 2, [](const Surface& surface, float* m) {
-        m[0] = surface.motion.x;
-        m[1] = surface.motion.y;
-    });
-    return out;
-}
-
-py::dict surface_layers_of(const Scene& scene, const std::string& filter, int samples, int ranks,
-                           int threads, const std::optional<py::function>& poll) {
+py::dict surface_layers_of(const Scene& scene, const std::set<std::string>& asked,
+                           const std::string& filter, int samples, int ranks, int threads,
+                           const std::optional<py::function>& poll) {
+    const auto wanted = [&](const char* name) { return asked.count(name) > 0; };
     SurfaceLayersSettings settings;
+    settings.objects = wanted("object");
+    settings.materials = wanted("material");
+    settings.places = wanted("triangle");
+    settings.positions = wanted("P");
+    settings.shading_normals = wanted("N");
+    settings.geometric_normals = wanted("Ng");
+    settings.depths = wanted("Z");
+    settings.motion = wanted("motionvector");
+    settings.albedo = wanted("albedo");
+    settings.coverage = wanted("coverage");
     if (filter == "box") settings.filter.kind = PixelFilter::Kind::box;
     settings.samples = samples;
     settings.ranks = ranks;
@@ -95,17 +57,21 @@ py::dict surface_layers_of(const Scene& scene, const std::string& filter, int sa
         layers = surface_layers(scene, settings, limits);
     }
     polling.raise();
-    py::dict out = centre_of(layers.centre);
-    if (samples == 0) return out;
-    out["albedo"] = columns<float>(layers.albedo, 3, [](const Spectrum& albedo, float* rgb) {
-        std::copy_n(albedo.c, 3, rgb);
-    });
-    const auto one = [](float value, float* to) { *to = value; };
-    out["object_key"] = keys_of(layers.keys);
-    out["object_coverage"] = columns<float>(layers.coverage, 1, one);
-    out["material_key"] = columns<int64_t>(layers.material, 1,
-                                           [](uint32_t i, int64_t* to) { *to = index_or_none(i); });
-    out["material_coverage"] = columns<float>(layers.material_coverage, 1, one);
+    py::dict out;
+    put<int32_t>(out, "object", layers.object);
+    put<int32_t>(out, "material", layers.material);
+    put<int32_t>(out, "triangle", layers.triangle);
+    put<float>(out, "barycentrics", layers.barycentrics);
+    put<float>(out, "P", layers.position);
+    put<float>(out, "N", layers.shading_normal);
+    put<float>(out, "Ng", layers.geometric_normal);
+    put<float>(out, "Z", layers.depth);
+    put<float>(out, "motionvector", layers.motion);
+    put<float>(out, "albedo", layers.albedo);
+    put<int32_t>(out, "covering_object", layers.covering_object);
+    put<int32_t>(out, "covering_material", layers.covering_material);
+    put<float>(out, "object_coverage", layers.object_coverage);
+    put<float>(out, "material_coverage", layers.material_coverage);
     return out;
 }
 
@@ -140,12 +106,13 @@ std::shared_ptr<const LightPathAutomaton> automaton_from_python(const Scene& sce
 }
 
 void bind_layers(py::module_& module) {
-    module.def("surface_layers", &surface_layers_of, py::arg("scene"), py::kw_only(),
-               py::arg("filter") = "gaussian", py::arg("samples") = 0, py::arg("ranks") = 0,
-               py::arg("threads") = 1, py::arg("poll") = py::none(),
-               "What the camera's rays meet: arrays (pixels, …) by name. Of averages, `samples` > "
-               "0, objects and materials by pixel and rank. poll(tiles) true: the rest with a "
-               "single sample.");
+    module.def("surface_layers", &surface_layers_of, py::arg("scene"), py::arg("asked"),
+               py::kw_only(), py::arg("filter") = "gaussian", py::arg("samples") = 1,
+               py::arg("ranks") = 1, py::arg("threads") = 1, py::arg("poll") = py::none(),
+               "What the camera's rays meet: arrays (pixels, width) by the names that are asked "
+               "for: object, material, triangle (and barycentrics), P, N, Ng, Z, motionvector; "
+               "averages: albedo, and coverage, by pixel and rank. poll(tiles) true: the rest of "
+               "the averages with a single sample.");
 }
 
 }  // namespace usdmlt

@@ -28,10 +28,11 @@ class Scene:
 
 def surface_layers(
     scene: Scene,
+    asked: set[str],
     *,
     filter: str = "gaussian",
-    samples: int = 0,
-    ranks: int = 0,
+    samples: int = 1,
+    ranks: int = 1,
     threads: int = 1,
     poll: Callable[[int], bool] | None = None,
 ) -> dict[str, npt.NDArray[Any]]: ...

@@ -8,7 +8,7 @@ Layers NAME00, NAME01 ... hold two pairs (id, coverage) each, the largest first.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -46,20 +46,19 @@ def identifier(name: str) -> int:
 
 def layers(
     name: str,
-    numbers: npt.NDArray[np.int64],
+    numbers: npt.NDArray[np.int32],
     coverage: npt.NDArray[np.float32],
-    names: Sequence[str],
+    names_of: Callable[[npt.NDArray[np.int64]], list[str]],
 ) -> tuple[dict[str, npt.NDArray[np.float32]], dict[str, str]]:
     """The layers of a Cryptomatte called ``name``, and its metadata.
 
-    ``numbers`` (height, width, :data:`RANKS`): index into ``names``, -1 for none; ``coverage``: of
-    the same shape. What has the same name is one.
+    ``numbers`` (height, width, :data:`RANKS`): of objects, -1 for none; ``coverage``: of the same
+    shape; ``names_of``: some of the numbers. What has the same name is one.
     """
-    seen = sorted(set(np.unique(numbers).tolist()) - {-1})
-    manifest = {names[i]: identifier(names[i]) for i in seen}
-    bits = np.zeros(len(names) + 1, np.uint32)  # the last is that of -1
-    for i in seen:
-        bits[i] = manifest[names[i]]
+    seen = np.flatnonzero(np.bincount(numbers.ravel() + 1)[1:])
+    manifest = {called: identifier(called) for called in names_of(seen)}
+    bits = np.zeros(int(seen.max(initial=-1)) + 2, np.uint32)  # the last is that of -1
+    bits[seen] = [manifest[called] for called in names_of(seen)]
     ids, coverage = _merged(bits[numbers], np.where(numbers < 0, 0, coverage).astype(np.float32))
     pairs = np.stack([ids.view(np.float32), coverage], axis=-1)
     pixels = {

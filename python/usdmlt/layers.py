@@ -231,12 +231,15 @@ def light_group(group: str) -> Layer:
 
 
 def resolve(asked: Iterable[Asked]) -> tuple[Layer, ...]:
-    """All layers that are asked for, but for those that every picture has.
+    """All layers that are asked for, but for those that every picture has. A string may name
+    several.
 
     Raises ValueError for one that is asked for twice, or that a file could not tell from another.
     """
     layers: dict[str, Layer] = {}
-    for one in (asked,) if isinstance(asked, (str, Layer)) else asked:
+    if isinstance(asked, str):
+        asked = split(asked)
+    for one in asked:
         layer = parse(one)
         other = layers.get(layer.stem)
         if other is not None:

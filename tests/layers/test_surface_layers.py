@@ -309,7 +309,8 @@ def test_layers_change_neither_the_picture_nor_with_threads():
 
 def test_a_pass_that_is_stopped_is_coarse_but_whole():
     built = build(replace(crowd(), width=300, height=200))
-    stopped = core().surface_layers(built, samples=4096, ranks=6, threads=1, poll=lambda _: True)
+    asked = {"coverage", "Z"}
+    stopped = core().surface_layers(built, asked, samples=4096, ranks=6, poll=lambda _: True)
     coverage = stopped["object_coverage"].reshape(200, 300, 6)
     assert np.isin(coverage[-1].sum(axis=-1), (0, 1)).all() and coverage[-1].any()
     assert np.isfinite(stopped["Z"]).any()

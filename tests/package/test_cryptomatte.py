@@ -48,9 +48,9 @@ def one_pixel(numbers: list[int], coverage: list[float], names: list[str]):
     fill = cryptomatte.RANKS - len(numbers)
     return cryptomatte.layers(
         "CryptoObject",
-        np.array([[numbers + [-1] * fill]]),
+        np.array([[numbers + [-1] * fill]], np.int32),
         np.array([[coverage + [0.0] * fill]], np.float32),
-        names,
+        lambda seen: [names[i] for i in seen],
     )
 
 

@@ -43,6 +43,7 @@ def test_an_expression_can_have_a_name():
 def test_other_renderers_names_are_known():
     assert layers.parse("depth") is layers.KNOWN["Z"]
     assert layers.resolve(["beauty", "st", "A"]) == (layers.KNOWN["uv"],)
+    assert layers.resolve("beauty,st,A") == (layers.KNOWN["uv"],)
 
 
 @pytest.mark.parametrize(

@@ -150,3 +150,20 @@ def test_layers_are_rendered_as_the_stage_asks(read):
 def test_groups_of_lights_are_read_as_other_renderers_write_them(read, attribute):
     scene = read(f'def SphereLight "l" {{ {attribute} = "rim" }}\ndef RectLight "other" {{}}')
     assert [light.light_group for light in scene.lights] == ["rim", ""]
+
+
+def test_meshes_have_groups_too_as_lights_or_as_what_glows(read):
+    quad = """point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0)]
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]"""
+    lamp, glow = read(f"""
+def Mesh "lamp" (prepend apiSchemas = ["MeshLightAPI"]) {{
+    string inputs:karma:light:lpetag = "lamps"
+    {quad}
+}}
+def Mesh "glow" {{
+    string primvars:karma:object:lpetag = "glows"
+    {quad}
+}}""").meshes
+    assert (lamp.light_group, lamp.is_light) == ("lamps", True)
+    assert (glow.light_group, glow.is_light) == ("glows", False)
