@@ -226,8 +226,8 @@ bool trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCou
 bool Surfaces::next(Hit& hit, float& opacity) {
     while (scene_.acceleration->intersect(ray_, hit)) {
         opacity = 1;
-        if (hit.mesh == invalid_index) {
-            ray_.tfar = 0;  // lights hide what is behind them
+        if (scene_.all_opaque || hit.mesh == invalid_index) {
+            ray_.tfar = 0;  // nothing behind is seen
             return true;
         }
         const Mesh& mesh = scene_.meshes[hit.mesh];
