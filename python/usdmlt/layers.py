@@ -118,7 +118,7 @@ KNOWN: dict[str, Layer] = {
         _paths("diffuse", "C<RD>.*[LOB]"),
         _paths("specular", "C<R[GS]>.*[LOB]"),
         _paths("transmission", "C<T.>.*[LOB]"),
-        _paths("caustics", "C.*<.[DG]><.S>+[LO]"),
+        _paths("caustics", "C.*<.D><.[GS]>+[LO]"),
     )
 }
 ALWAYS = ("color", "alpha", "error")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 import os
@@ -176,6 +177,9 @@ class Rendering:
             image.channels["error"] = self._render.error()
         for number, layer in enumerate(self._light_paths):
             image.channels[layer.name] = self._render.layer(number)
+        if self._light_paths:
+            shown = {layer.stem: layer.shows for layer in self._light_paths}
+            image.metadata["light_paths"] = json.dumps(shown, ensure_ascii=False)
         for layer in self.layers:
             if layer.shows == "sampleCount":
                 image.channels[layer.name] = self._render.sample_counts()

@@ -131,6 +131,23 @@ def test_other_layers_have_to_be_the_same(tmp_path: Path) -> None:
     assert reason.endswith("one.exr has the layer Z")
 
 
+def test_layers_of_light_paths_may_be_noisy_where_the_picture_is(tmp_path: Path) -> None:
+    def write(name: str, color: float, layer: float) -> Path:
+        pixels = {c: np.full((4, 5), color, np.float32) for c in "RGB"}
+        pixels |= {f"key.{c}": np.full((4, 5), layer, np.float32) for c in "RGB"}
+        pixels["error.Y"] = np.full((4, 5), 0.1, np.float32)
+        attributes = {"usdmlt:light_paths": '{"key": "C.*<L.\'key\'>"}'}
+        write_parts(tmp_path / name, [Part(pixels, attributes)])
+        return tmp_path / name
+
+    one = write("one.exr", 0.5, 0.25)
+    noisy = comparison.compare_files(one, write("noisy.exr", 0.5001, 0.3))
+    assert not noisy.different
+    assert noisy.notes[-1] == "not compared, as their noise is not known: key"
+    changed = comparison.compare_files(one, write("changed.exr", 0.5, 0.3))
+    assert changed.reasons[0] == "the layer key.B differs in 20 of 20 pixels"
+
+
 def test_a_picture_without_colours_is_compared_too(tmp_path: Path) -> None:
     for name, value in (("a.exr", 0.5), ("b.exr", 0.75)):
         part = Part({"Y": np.full((4, 5), value, np.float32)}, {})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from dataclasses import dataclass, field
@@ -213,11 +214,13 @@ def compare_files(
     """Compare two EXRs, with :func:`compare`'s options.
 
     Layers beside the picture, its error and its batches (depth, normals, ids) have to be there in
-    both and the same, bit for bit. :class:`usdmlt.Error` for what cannot be read.
+    both and the same, bit for bit; those of light paths where the picture is.
+    :class:`usdmlt.Error` for what cannot be read.
     """
     one, one_layers = read(reference)
     other, other_layers = read(picture)
     result = compare(one, other, **options)
+    noisy: set[str] = set()
     for name in sorted(one_layers.keys() | other_layers.keys()):
         if name not in one_layers or name not in other_layers:
             where = reference if name in one_layers else picture
@@ -225,9 +228,23 @@ def compare_files(
             continue
         a, b = one_layers[name], other_layers[name]
         unequal = int(np.count_nonzero(~((a == b) | (np.isnan(a) & np.isnan(b)))))
-        if unequal:
+        if unequal and result.method != "same bits" and _is_noisy(name, one, other):
+            noisy.add(name.partition(".")[0])
+        elif unequal:
             result.reasons.append(f"the layer {name} differs in {unequal} of {a.size} pixels")
+    if noisy:
+        result.notes.append(
+            f"not compared, as their noise is not known: {', '.join(sorted(noisy))}"
+        )
     return result
+
+
+def _is_noisy(channel: str, *pictures: Image) -> bool:
+    """Whether it is a layer of light paths, or counts their samples."""
+    stems = {"sampleCount"}
+    for picture in pictures:
+        stems |= json.loads(picture.metadata.get("light_paths", "{}")).keys()
+    return channel.partition(".")[0] in stems
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Image, dict[str, npt.NDArray[np.float32]]]:
