@@ -90,7 +90,7 @@ def read_making(path: str | os.PathLike[str]) -> Making:
         made = kept.get("renderer")
         reason = f"it was made by {made}" if made else "it was not made by usdmlt"
         if str(made).startswith("usdmlt"):
-            reason = "its stage was open in Python, and no file has all of it"
+            reason = "its stage was open in Python, or it is the mean of several renders"
         raise Error(f"{path} does not say how to make it again: {reason}") from None
     if unknown:
         names = ", ".join(sorted(unknown))

@@ -127,6 +127,7 @@ def batches_of(rendering: Rendering, batches: int = BATCHES, stream: int = 0) ->
             "mutations" if rendering.integrator == "mlt" else "samples": spent,
             "units": sum(i.stats["units_done"] for i in images),
             "time": seconds,
+            "settings": None,  # those of a batch
         },
         pictures=pictures,
         bits=bits_of(pictures),
@@ -147,7 +148,7 @@ def _lasting(settings: Settings, integrator: str) -> dict[str, Any]:
         "samples": settings.resolved_samples,
         "mutations": None,
     }
-    for name in ("threads", "time", "error"):
+    for name in ("threads", "time", "error", "aovs"):
         del kept[name]
     return kept
 
