@@ -15,7 +15,7 @@ import pytest
 import usdmlt
 from support import scenes
 from support.rendering import build
-from support.shapes import floor, orthographic, perspective, quad, scale, sphere, translate
+from support.shapes import box, floor, orthographic, perspective, quad, scale, sphere, translate
 from usdmlt import scene as s
 from usdmlt.cryptomatte import identifier
 from usdmlt.native import core
@@ -218,6 +218,7 @@ def coverage_of(image: usdmlt.Image, name: str) -> np.ndarray:
 def crowd() -> s.Scene:
     """Objects that overlap, among them instances, and a light."""
     ball = replace(sphere(0.5, 1, rings=12, smooth=True), name="/ball")
+    stalk = replace(box((-0.1, 0.4, -0.1), (0.1, 0.9, 0.1)), name="/stalk")
     places = np.stack([translate(x, 0.4, 0.3 * x) for x in (-1.2, 0.0, 1.2)])
     return s.Scene(
         perspective((0, 1.2, 5), (0, 0.4, 0), 35),
@@ -227,7 +228,7 @@ def crowd() -> s.Scene:
             replace(floor(0), name="/floor"),
             replace(quad((-2, 0, -1), (2.2, 0.3, 0), (0, 1.5, 0), 0), name="/wall"),
         ],
-        [s.Prototype([ball])],
+        [s.Prototype([ball, stalk])],
         [s.Instances(0, places, name="/balls")],
         [GREY, s.Material(s.Diffuse((0.7, 0.2, 0.1)))],
         lights=[s.SphereLight((3.0, 3.0, 3.0), 0.3, translate(0.9, 1.4, 0), name="/lamp")],
@@ -240,7 +241,8 @@ def test_names_and_coverages_rebuild_the_masks_of_a_picture_of_ids():
     image = layers_of(scene, "CryptoObject")
     key = f"{identifier('CryptoObject'):08x}"[:7]
     manifest = json.loads(image.metadata[f"cryptomatte/{key}/manifest"])
-    assert set(manifest) == {"/floor", "/wall", "/lamp", "/ball[0]", "/ball[1]", "/ball[2]"}
+    instances = {f"{name}[{i}]" for name in ("/ball", "/stalk") for i in range(3)}
+    assert set(manifest) == {"/floor", "/wall", "/lamp", *instances}
     assert all(int(bits, 16) == identifier(name) for name, bits in manifest.items())
     fine = 12
     large = layers_of(replace(scene, width=24 * fine, height=16 * fine), "objectId", "instanceId")
