@@ -20,7 +20,7 @@ void shape_intersect(const embree::IntersectFunctionArguments* args) {
     float t;
     Vec2f uv;
     if (!shapes.intersect(shapes.user, args->prim_id, {ray.org_x, ray.org_y, ray.org_z},
-                          {ray.dir_x, ray.dir_y, ray.dir_z}, ray.tnear, ray.tfar, t, uv))
+                          {ray.dir_x, ray.dir_y, ray.dir_z}, ray.time, ray.tnear, ray.tfar, t, uv))
         return;
     ray.tfar = t;
     embree::Hit& hit = args->ray_hit->hit;
@@ -39,7 +39,7 @@ void shape_occluded(const embree::OccludedFunctionArguments* args) {
     float t;
     Vec2f uv;
     if (shapes.intersect(shapes.user, args->prim_id, {ray.org_x, ray.org_y, ray.org_z},
-                         {ray.dir_x, ray.dir_y, ray.dir_z}, ray.tnear, ray.tfar, t, uv))
+                         {ray.dir_x, ray.dir_y, ray.dir_z}, ray.time, ray.tnear, ray.tfar, t, uv))
         ray.tfar = -std::numeric_limits<float>::infinity();
 }
 

@@ -52,8 +52,8 @@ struct ShapeCallbacks {
     const void* user = nullptr;
     uint32_t count = 0;
     void (*bounds)(const void* user, uint32_t shape, Vec3f& lower, Vec3f& upper) = nullptr;
-    bool (*intersect)(const void* user, uint32_t shape, Vec3f origin, Vec3f direction, float tnear,
-                      float tfar, float& t, Vec2f& uv) = nullptr;
+    bool (*intersect)(const void* user, uint32_t shape, Vec3f origin, Vec3f direction, float time,
+                      float tnear, float tfar, float& t, Vec2f& uv) = nullptr;
 };
 
 class Acceleration {

@@ -74,7 +74,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             if (k == 1) alpha = 1;
         } else {
             LightPoint point;
-            if (!environment_point(scene.lights, ray.direction, point)) break;
+            if (!environment_point(scene.lights, ray.direction, time, point)) break;
             if (k == 1 && !settings.background) break;
             light_vertex(scene, point, time, *v);
         }

@@ -23,7 +23,7 @@ struct LightPoint {
     Vec2f uv;            // parameters of the surface point (barycentrics for meshes)
     uint32_t light = 0;  // index of the light; for the environment: environment_light
     uint32_t primitive = 0;  // triangle, for meshes
-    float time = 0;          // meshes may move; see motion.hpp
+    float time = 0;          // lights may move; see motion.hpp
     bool infinite = false;
     bool delta = false;  // direction at infinity is Dirac
 };

@@ -28,13 +28,14 @@ double pdf_leaving(const L& light, Vec3f normal, Vec3f direction) {
 
 }  // namespace
 
-Spectrum environment_radiance(const Lights& lights, uint32_t light, Vec3f direction,
+Spectrum environment_radiance(const Lights& lights, uint32_t light, const LightPoint& point,
                               uint32_t receiver) {
     if (!lights.links.illuminates(light, receiver)) return {};
+    const Vec3f incoming = lights.pose(light, point.time).to_opening(point.direction);
     return std::visit(
         [&]<typename L>(const L& one) {
             if constexpr (Infinite<L>)
-                return incoming_radiance(one, direction);
+                return incoming_radiance(one, incoming);
             else
                 return Spectrum();
         },
@@ -46,7 +47,7 @@ Spectrum radiance(const Lights& lights, const LightPoint& point, Vec3f direction
     if (point.light == environment_light) {
         Spectrum sum;
         for (const uint32_t index : lights.environment)
-            sum += environment_radiance(lights, index, point.direction, receiver);
+            sum += environment_radiance(lights, index, point, receiver);
         return sum;
     }
     if (!lights.links.illuminates(point.light, receiver)) return {};
@@ -57,7 +58,9 @@ Spectrum radiance(const Lights& lights, const LightPoint& point, Vec3f direction
                 Spectrum value = light.radiance;
                 if constexpr (std::is_same_v<L, RectLight>)
                     value = surface_radiance(light, point.uv);
-                return light.shaping.active() ? value * light.shaping.evaluate(direction) : value;
+                if (!light.shaping.active()) return value;
+                const LightPose pose = lights.pose(point.light, point.time);
+                return value * light.shaping.evaluate(pose.to_opening(direction));
             } else if constexpr (Infinite<L>) {
                 return light.radiance;
             } else {
@@ -70,9 +73,11 @@ Spectrum radiance(const Lights& lights, const LightPoint& point, Vec3f direction
 bool sample_direction(const Lights& lights, const LightPoint& point, Vec2f u, Vec3f& direction,
                       double& pdf) {
     if (point.infinite) return false;
+    const LightPose pose = lights.pose(point.light, point.time);
+    const Vec3f normal = pose.to_opening(point.normal);
     return std::visit(
         [&]<typename L>(const L& light) {
-            const Frame frame = Frame::from_normal(point.normal);
+            const Frame frame = Frame::from_normal(normal);
             if constexpr (Shape<L>) {
                 const float share = light.shaping.share();
                 if (u.x < share) {
@@ -87,7 +92,8 @@ bool sample_direction(const Lights& lights, const LightPoint& point, Vec2f u, Ve
                 const Vec3f local = square_to_cosine_hemisphere(u);
                 direction = frame.to_world({local.x, local.y, front ? local.z : -local.z});
             }
-            pdf = pdf_leaving(light, point.normal, direction);
+            pdf = pdf_leaving(light, normal, direction);
+            direction = pose.vector(direction);
             return pdf > 0;
         },
         lights.lights[point.light]);
@@ -95,9 +101,11 @@ bool sample_direction(const Lights& lights, const LightPoint& point, Vec2f u, Ve
 
 double pdf_direction(const Lights& lights, const LightPoint& point, Vec3f direction) {
     if (point.infinite) return 0;
-    return std::visit(
-        [&](const auto& light) { return pdf_leaving(light, point.normal, direction); },
-        lights.lights[point.light]);
+    const LightPose pose = lights.pose(point.light, point.time);
+    const Vec3f normal = pose.to_opening(point.normal);
+    direction = pose.to_opening(direction);
+    return std::visit([&](const auto& light) { return pdf_leaving(light, normal, direction); },
+                      lights.lights[point.light]);
 }
 
 void sample_origin(const Lights& lights, Vec3f direction, Vec2f u, Vec3f& origin,

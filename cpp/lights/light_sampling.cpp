@@ -14,32 +14,36 @@ Vec2f square_to_barycentrics(Vec2f u) {
 }
 
 // Σ over the environment's lights; `light.environment_selection` weighs their densities.
-double pdf_environment(const Lights& lights, Vec3f direction) {
+double pdf_environment(const Lights& lights, Vec3f direction, float time) {
     double pdf = 0;
     for (size_t k = 0; k < lights.environment.size(); ++k)
         std::visit(
             [&]<typename L>(const L& light) {
                 if constexpr (Infinite<L>)
-                    pdf += lights.environment_selection.probability(k) *
-                           pdf_incoming(light, direction);
+                    pdf +=
+                        lights.environment_selection.probability(k) *
+                        pdf_incoming(
+                            light, lights.pose(lights.environment[k], time).to_opening(direction));
             },
             lights.lights[lights.environment[k]]);
     return lights.environment_probability * pdf;
 }
 
-bool sample_environment(const Lights& lights, double u_select, Vec2f u, LightPoint& point,
-                        double& pdf) {
+bool sample_environment(const Lights& lights, double u_select, Vec2f u, float time,
+                        LightPoint& point, double& pdf) {
     double probability;
     const size_t k = lights.environment_selection.sample(u_select, probability);
     point = {};
     point.light = environment_light;
     point.infinite = true;
+    point.time = time;
     std::visit(
         [&]<typename L>(const L& light) {
             if constexpr (Infinite<L>) point.direction = sample_incoming(light, u);
         },
         lights.lights[lights.environment[k]]);
-    pdf = pdf_environment(lights, point.direction);
+    point.direction = lights.pose(lights.environment[k], time).vector(point.direction);
+    pdf = pdf_environment(lights, point.direction, time);
     return pdf > 0;
 }
 
@@ -55,20 +59,24 @@ bool sample_x0(const Lights& lights, const Vec3f* reference, float u_select, Vec
     }
     const Lights::Choice choice = lights.choices[c];
     if (choice.light == environment_light)
-        return sample_environment(lights, u_choice, u, point, pdf);
+        return sample_environment(lights, u_choice, u, time, point, pdf);
+    const LightPose pose = lights.pose(choice.light, time);
 
     const bool found = std::visit(
         [&]<typename L>(const L& light) {
             if constexpr (Shape<L>) {
                 Vec2f uv;
-                if (!(reference ? sample_toward(light, *reference, u, uv, pdf)
-                                : sample_area(light, u, uv, pdf)))
+                if (!(reference
+                          ? sample_toward(light, pose.point_to_opening(*reference), u, uv, pdf)
+                          : sample_area(light, u, uv, pdf)))
                     return false;
                 point = surface_point(light, uv);
+                point.position = pose.point(point.position);
+                point.normal = pose.vector(point.normal);
                 pdf *= probability;
             } else if constexpr (std::is_same_v<L, DistantLight>) {
                 point = {};
-                point.direction = light.frame.z;
+                point.direction = pose.vector(light.frame.z);
                 point.infinite = point.delta = true;
                 pdf = probability;
             } else if constexpr (std::is_same_v<L, MeshLight>) {
@@ -81,20 +89,24 @@ bool sample_x0(const Lights& lights, const Vec3f* reference, float u_select, Vec
         },
         lights.lights[choice.light]);
     point.light = choice.light;
+    point.time = time;
     return found;
 }
 
 double pdf_x0(const Lights& lights, const Vec3f* reference, const LightPoint& point) {
     if (lights.empty()) return 0;
-    if (point.light == environment_light) return pdf_environment(lights, point.direction);
+    if (point.light == environment_light)
+        return pdf_environment(lights, point.direction, point.time);
     const auto probability = [&](uint32_t offset) {
         return lights.selection.probability(lights.first_choice[point.light] + offset);
     };
     return std::visit(
         [&]<typename L>(const L& light) {
             if constexpr (Shape<L>) {
-                return probability(0) * (reference ? pdf_toward(light, *reference, point.uv)
-                                                   : pdf_area(light, point.uv));
+                if (!reference) return probability(0) * pdf_area(light, point.uv);
+                const LightPose pose = lights.pose(point.light, point.time);
+                return probability(0) *
+                       pdf_toward(light, pose.point_to_opening(*reference), point.uv);
             } else if constexpr (Infinite<L>) {
                 return probability(0);
             } else {

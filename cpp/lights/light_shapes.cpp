@@ -22,12 +22,13 @@ auto visit_shape(const Lights& lights, int shape, const F& f) {
 
 }  // namespace
 
-bool environment_point(const Lights& lights, Vec3f direction, LightPoint& point) {
+bool environment_point(const Lights& lights, Vec3f direction, float time, LightPoint& point) {
     if (lights.environment.empty()) return false;
     point = {};
     point.direction = direction;
     point.light = environment_light;
     point.infinite = true;
+    point.time = time;
     return true;
 }
 
@@ -35,6 +36,20 @@ int shape_count(const Lights& lights) { return static_cast<int>(lights.shapes.si
 
 void shape_bounds(const Lights& lights, int shape, Vec3f& lower, Vec3f& upper) {
     visit_shape(lights, shape, [&](const auto& light) { bounds(light, lower, upper); });
+    const uint32_t motion = lights.motion_of_light[lights.shapes[shape]];
+    if (motion != invalid_index) {
+        // However it turns, it stays as near to its place.
+        const std::vector<Affine3f>& steps = lights.motions[motion].steps;
+        const Vec3f pivot = steps[0].origin;
+        const float reach = length(max(upper - pivot, pivot - lower));
+        lower = upper = pivot;
+        for (const Affine3f& step : steps) {
+            lower = min(lower, step.origin);
+            upper = max(upper, step.origin);
+        }
+        lower = lower - Vec3f{reach, reach, reach};
+        upper = upper + Vec3f{reach, reach, reach};
+    }
     // Room for the rounding of positions.
     const Vec3f largest = max(max(lower, -lower), max(upper, -upper));
     const Vec3f margin = largest * 1e-6f;
@@ -42,17 +57,24 @@ void shape_bounds(const Lights& lights, int shape, Vec3f& lower, Vec3f& upper) {
     upper = upper + margin;
 }
 
-bool intersect_shape(const Lights& lights, int shape, Vec3f origin, Vec3f direction, float tnear,
-                     float tfar, float& t, Vec2f& uv) {
+bool intersect_shape(const Lights& lights, int shape, Vec3f origin, Vec3f direction, float time,
+                     float tnear, float tfar, float& t, Vec2f& uv) {
+    const LightPose pose = lights.pose(lights.shapes[shape], time);
+    origin = pose.point_to_opening(origin);
+    direction = pose.to_opening(direction);
     return visit_shape(lights, shape, [&](const auto& light) {
         return intersect(light, origin, direction, tnear, tfar, t, uv);
     });
 }
 
-LightPoint shape_point(const Lights& lights, int shape, Vec2f uv) {
+LightPoint shape_point(const Lights& lights, int shape, Vec2f uv, float time) {
     LightPoint point =
         visit_shape(lights, shape, [&](const auto& light) { return surface_point(light, uv); });
     point.light = lights.shapes[shape];
+    const LightPose pose = lights.pose(point.light, time);
+    point.position = pose.point(point.position);
+    point.normal = pose.vector(point.normal);
+    point.time = time;
     return point;
 }
 

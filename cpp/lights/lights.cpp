@@ -57,6 +57,7 @@ double flux(const L& light) {
 uint32_t add(Lights& lights, Light&& light) {
     lights.lights.push_back(std::move(light));
     lights.links.of_light.push_back(invalid_index);
+    lights.motion_of_light.push_back(invalid_index);
     return static_cast<uint32_t>(lights.lights.size() - 1);
 }
 
@@ -111,6 +112,13 @@ uint32_t add_distant(Lights& lights, const Affine3f& transform, float angle_degr
 uint32_t add_dome(Lights& lights, const Affine3f& transform, const Spectrum& radiance,
                   const Texture* texture) {
     return add(lights, DomeLight(transform, radiance, texture));
+}
+
+void set_motion(Lights& lights, uint32_t light, const Affine3f& transform,
+                const std::vector<Affine3f>& later) {
+    if (later.empty()) return;
+    lights.motion_of_light[light] = static_cast<uint32_t>(lights.motions.size());
+    lights.motions.emplace_back(transform, later);
 }
 
 uint32_t add_mesh(Lights& lights, const Mesh& mesh, const Affine3f& to_world,

@@ -20,6 +20,7 @@
 #include "lights/dome.hpp"
 #include "lights/light.hpp"
 #include "lights/light_links.hpp"
+#include "lights/light_motion.hpp"
 #include "lights/mesh_light.hpp"
 #include "lights/rect.hpp"
 #include "lights/sphere.hpp"
@@ -38,6 +39,8 @@ concept Infinite = requires(const L& light) { incoming_radiance(light, Vec3f{});
 struct Lights {
     std::vector<Light> lights;
     LightLinks links;
+    std::vector<LightMotion> motions;
+    std::vector<uint32_t> motion_of_light;  // invalid_index: it stays, or is a mesh
 
     // Filled by finish().
     struct Choice {
@@ -56,6 +59,11 @@ struct Lights {
     float scene_radius = 1;
 
     bool empty() const { return selection.empty(); }  // nothing emits
+    LightPose pose(uint32_t light, float time) const {
+        if (motions.empty()) return {};
+        const uint32_t motion = motion_of_light[light];
+        return motion == invalid_index ? LightPose{} : motions[motion].at(time);
+    }
     // Whether u_select decides anything: the environment is one choice, but may be several lights.
     bool has_choice() const { return choices.size() > 1 || environment.size() > 1; }
 
@@ -79,6 +87,10 @@ uint32_t add_distant(Lights& lights, const Affine3f& transform, float angle_degr
                      const Spectrum& radiance);
 uint32_t add_dome(Lights& lights, const Affine3f& transform, const Spectrum& radiance,
                   const Texture* texture = nullptr);
+// The light moves: its transforms when the shutter opens, as given above, and at further
+// equidistant times. See light_motion.hpp.
+void set_motion(Lights& lights, uint32_t light, const Affine3f& transform,
+                const std::vector<Affine3f>& later);
 // Mesh, materials and `later` transforms (see motion.hpp) must outlive the lights, as textures
 // must.
 uint32_t add_mesh(Lights& lights, const Mesh& mesh, const Affine3f& to_world,
@@ -87,7 +99,7 @@ uint32_t add_mesh(Lights& lights, const Mesh& mesh, const Affine3f& to_world,
 // ---------------------------------------------------------------------------------------------
 // x0. Densities are in area measure or, at infinity, in solid angle; discrete for Dirac lights.
 // All samplers return false where they find no light; that is a sample of value zero. `time` is the
-// path's: meshes may move; analytic lights stand still.
+// path's, and in the point.
 
 // A density that depends on nothing.
 bool sample_point(const Lights& lights, float u_select, Vec2f u, float time, LightPoint& point,
@@ -105,7 +117,7 @@ double pdf_direct(const Lights& lights, const LightPoint& point, Vec3f reference
 Spectrum radiance(const Lights& lights, const LightPoint& point, Vec3f direction,
                   uint32_t receiver = every_receiver);
 // The part that one light of the environment has in it.
-Spectrum environment_radiance(const Lights& lights, uint32_t light, Vec3f direction,
+Spectrum environment_radiance(const Lights& lights, uint32_t light, const LightPoint& point,
                               uint32_t receiver = every_receiver);
 
 // ---------------------------------------------------------------------------------------------
@@ -125,14 +137,15 @@ double pdf_origin(const Lights& lights);
 // Points that rays find.
 
 // The x0 of a ray that escapes; false without an environment.
-bool environment_point(const Lights& lights, Vec3f direction, LightPoint& point);
+bool environment_point(const Lights& lights, Vec3f direction, float time, LightPoint& point);
 
 // Analytic shapes: rects, disks, spheres and cylinders. Both sides are hit; a back side is black.
 int shape_count(const Lights& lights);
+// At all times.
 void shape_bounds(const Lights& lights, int shape, Vec3f& lower, Vec3f& upper);
-bool intersect_shape(const Lights& lights, int shape, Vec3f origin, Vec3f direction, float tnear,
-                     float tfar, float& t, Vec2f& uv);
-LightPoint shape_point(const Lights& lights, int shape, Vec2f uv);
+bool intersect_shape(const Lights& lights, int shape, Vec3f origin, Vec3f direction, float time,
+                     float tnear, float tfar, float& t, Vec2f& uv);
+LightPoint shape_point(const Lights& lights, int shape, Vec2f uv, float time);
 
 LightPoint mesh_point(const Lights& lights, uint32_t light, uint32_t triangle, float b1, float b2,
                       float time);

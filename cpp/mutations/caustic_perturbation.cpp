@@ -58,8 +58,8 @@ bool start_at_infinity(MutationContext& context, const Path& x, const Walk& walk
         const double angle = context.direction_range.sample(random.next_double());
         pdf *= context.direction_range.pdf_direction(angle);
         LightPoint point;
-        if (!environment_point(lights, tilt(x[0].direction, angle, random.next_1d()), point))
-            return false;
+        const Vec3f direction = tilt(x[0].direction, angle, random.next_1d());
+        if (!environment_point(lights, direction, x.time, point)) return false;
         light_vertex(context.scene, point, x.time, fresh(y, 0));
     }
     const LogarithmicRange range = offsets(context, x, walk);

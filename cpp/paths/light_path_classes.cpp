@@ -87,7 +87,7 @@ void LightPathClasses::end(const Branches& branches, int scatterings, const Vert
     const uint32_t receiver = x1.is_surface() ? scene_.receiver_of(x1.mesh) : every_receiver;
     const Spectrum all = radiance(lights, x0.light, direction, receiver);
     for (const uint32_t light : lights.environment) {
-        Spectrum part = environment_radiance(lights, light, x0.light.direction, receiver);
+        Spectrum part = environment_radiance(lights, light, x0.light, receiver);
         for (int c = 0; c < 3; ++c) part[c] = all[c] != 0 ? value[c] * part[c] / all[c] : 0;
         end_in(terminal, automaton_.labels[light].kind, branches, part, sums);
     }

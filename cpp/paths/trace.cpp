@@ -110,7 +110,7 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
     v.closure.guide = nullptr;
     if (hit.mesh == invalid_index) {
         // A light's own shape: emits, scatters nothing.
-        v.light = shape_point(scene.lights, hit.primitive, v.uv);
+        v.light = shape_point(scene.lights, hit.primitive, v.uv, hit.time);
         v.is_light = true;
         v.one_sided = false;
         v.position = v.light.position;
@@ -264,7 +264,8 @@ bool trace_vertex(const Scene& scene, const Ray& ray, Known role, bool environme
         return true;
     }
     LightPoint point;
-    if (!environment || !environment_point(scene.lights, ray.direction, point)) return false;
+    if (!environment || !environment_point(scene.lights, ray.direction, ray.time, point))
+        return false;
     light_vertex(scene, point, ray.time, v);
     v.opacity = 1;
     return true;

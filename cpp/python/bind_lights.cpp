@@ -58,43 +58,43 @@ const Texture* texture_of(const py::handle& light, const std::vector<Texture>& t
     return textures[i].width > 0 && textures[i].height > 0 ? &textures[i] : nullptr;
 }
 
-void add_from_python(Lights& lights, const py::handle& light, Vec3d center,
-                     const std::vector<Texture>& textures) {
+uint32_t add_from_python(Lights& lights, const py::handle& light, Vec3d center,
+                         const std::vector<Texture>& textures) {
     const auto family = py::cast<std::string>(py::type::handle_of(light).attr("__name__"));
     const auto number = [&](const char* name) { return py::cast<float>(light.attr(name)); };
     const Affine3f transform = recentred_transform(light, center);
     const Spectrum radiance = color_of(light.attr("radiance"));
-    if (family == "DistantLight") {
-        add_distant(lights, transform, number("angle_degrees"), radiance);
-        return;
-    }
-    if (family == "DomeLight") {
-        add_dome(lights, transform, radiance, texture_of(light, textures));
-        return;
-    }
+    if (family == "DistantLight")
+        return add_distant(lights, transform, number("angle_degrees"), radiance);
+    if (family == "DomeLight")
+        return add_dome(lights, transform, radiance, texture_of(light, textures));
     const auto parameters = shaping_of(light);
     const ShapingParameters* shaping = parameters ? &*parameters : nullptr;
     if (family == "RectLight")
-        add_rect(lights, transform, number("width"), number("height"), radiance,
-                 texture_of(light, textures), shaping);
-    else if (family == "DiskLight")
-        add_disk(lights, transform, number("radius"), radiance, shaping);
-    else if (family == "SphereLight")
-        add_sphere(lights, transform, number("radius"), radiance, shaping);
-    else if (family == "CylinderLight")
-        add_cylinder(lights, transform, number("radius"), number("length"), radiance, shaping);
-    else
-        throw std::invalid_argument("not a light: " + family);
+        return add_rect(lights, transform, number("width"), number("height"), radiance,
+                        texture_of(light, textures), shaping);
+    if (family == "DiskLight")
+        return add_disk(lights, transform, number("radius"), radiance, shaping);
+    if (family == "SphereLight")
+        return add_sphere(lights, transform, number("radius"), radiance, shaping);
+    if (family == "CylinderLight")
+        return add_cylinder(lights, transform, number("radius"), number("length"), radiance,
+                            shaping);
+    throw std::invalid_argument("not a light: " + family);
+}
+
+Affine3f recentred(const py::handle& matrix, Vec3d center) {
+    const auto m = py::cast<DoubleArray>(matrix);
+    if (m.ndim() != 2 || m.shape(0) != 4 || m.shape(1) != 4)
+        throw std::invalid_argument("transform is not a 4x4 matrix");
+    const auto row = [&](int i) { return Vec3d{m.at(i, 0), m.at(i, 1), m.at(i, 2)}; };
+    return {to_float(row(0)), to_float(row(1)), to_float(row(2)), to_float(row(3) - center)};
 }
 
 }  // namespace
 
 Affine3f recentred_transform(const py::handle& object, Vec3d center) {
-    const auto m = py::cast<DoubleArray>(object.attr("transform"));
-    if (m.ndim() != 2 || m.shape(0) != 4 || m.shape(1) != 4)
-        throw std::invalid_argument("transform is not a 4x4 matrix");
-    const auto row = [&](int i) { return Vec3d{m.at(i, 0), m.at(i, 1), m.at(i, 2)}; };
-    return {to_float(row(0)), to_float(row(1)), to_float(row(2)), to_float(row(3) - center)};
+    return recentred(object.attr("transform"), center);
 }
 
 Lights lights_from_python(const py::list& lights, Vec3d center,
@@ -102,7 +102,11 @@ Lights lights_from_python(const py::list& lights, Vec3d center,
     Lights result;
     for (const py::handle light : lights) {
         try {
-            add_from_python(result, light, center, textures);
+            const uint32_t index = add_from_python(result, light, center, textures);
+            std::vector<Affine3f> later;
+            for (const auto& step : py::cast<py::list>(light.attr("motion")))
+                later.push_back(recentred(step, center));
+            set_motion(result, index, recentred_transform(light, center), later);
         } catch (const std::invalid_argument& error) {
             const auto name = py::cast<std::string>(py::getattr(light, "name", py::str("")));
             throw std::invalid_argument(name + ": " + error.what());

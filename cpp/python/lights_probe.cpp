@@ -99,6 +99,7 @@ struct LightsProbe {
     Materials materials;
     std::vector<Mesh> meshes;
     Lights lights;
+    float time = 0;
 
     LightsProbe(const py::list& python_lights, std::tuple<double, double, double> center,
                 float radius, const py::list& textures, const py::list& compiled_materials,
@@ -137,7 +138,7 @@ struct LightsProbe {
 
     py::tuple point_samples(const FloatArray& u) const {
         return sample_points(u, [&](auto, float s, Vec2f v, LightPoint& point, double& pdf) {
-            return sample_point(lights, s, v, 0, point, pdf);
+            return sample_point(lights, s, v, time, point, pdf);
         });
     }
     DoubleArray point_pdf(const py::array& points) const {
@@ -146,7 +147,7 @@ struct LightsProbe {
     }
     py::tuple direct_samples(const FloatArray& references, const FloatArray& u) const {
         return sample_points(u, [&](auto i, float s, Vec2f v, LightPoint& point, double& pdf) {
-            return sample_direct(lights, vec3(references, i), s, v, 0, point, pdf);
+            return sample_direct(lights, vec3(references, i), s, v, time, point, pdf);
         });
     }
     DoubleArray direct_pdf(const py::array& points, const FloatArray& references) const {
@@ -205,7 +206,7 @@ struct LightsProbe {
         py::array points = new_points(directions.shape(0));
         auto* p = static_cast<LightPoint*>(points.mutable_data());
         for (py::ssize_t i = 0; i < points.size(); ++i)
-            if (!environment_point(lights, vec3(directions, i), p[i]))
+            if (!environment_point(lights, vec3(directions, i), time, p[i]))
                 throw std::invalid_argument("no environment");
         return points;
     }
@@ -227,8 +228,8 @@ struct LightsProbe {
         for (py::ssize_t i = 0; i < n; ++i) {
             float t = std::numeric_limits<float>::infinity();
             Vec2f uv;
-            intersect_shape(lights, shape, vec3(origins, i), vec3(directions, i), tnear, tfar, t,
-                            uv);
+            intersect_shape(lights, shape, vec3(origins, i), vec3(directions, i), time, tnear, tfar,
+                            t, uv);
             distances.mutable_at(i) = t;
             uvs.mutable_at(i, 0) = uv.x;
             uvs.mutable_at(i, 1) = uv.y;
@@ -240,14 +241,14 @@ struct LightsProbe {
         py::array points = new_points(uv.shape(0));
         auto* p = static_cast<LightPoint*>(points.mutable_data());
         for (py::ssize_t i = 0; i < points.size(); ++i)
-            p[i] = shape_point(lights, shape, vec2(uv, i));
+            p[i] = shape_point(lights, shape, vec2(uv, i), time);
         return points;
     }
     py::array mesh_points(uint32_t light, const IndexArray& triangles, const FloatArray& uv) const {
         py::array points = new_points(uv.shape(0));
         auto* p = static_cast<LightPoint*>(points.mutable_data());
         for (py::ssize_t i = 0; i < points.size(); ++i)
-            p[i] = mesh_point(lights, light, triangles.at(i), uv.at(i, 0), uv.at(i, 1), 0);
+            p[i] = mesh_point(lights, light, triangles.at(i), uv.at(i, 0), uv.at(i, 1), time);
         return points;
     }
 };
@@ -266,6 +267,7 @@ void bind_lights(py::module_& module) {
                       const py::list&, const py::list&>(),
              "lights"_a, "center"_a = py::make_tuple(0.0, 0.0, 0.0), "radius"_a = 1.0f,
              "textures"_a = py::list(), "materials"_a = py::list(), "meshes"_a = py::list())
+        .def_readwrite("time", &LightsProbe::time)
         .def_property_readonly("power",
                                [](const LightsProbe& p) {
                                    return DoubleArray(p.lights.power.size(), p.lights.power.data());
@@ -282,7 +284,7 @@ void bind_lights(py::module_& module) {
         .def_property_readonly("has_environment",
                                [](const LightsProbe& p) {
                                    LightPoint point;
-                                   return environment_point(p.lights, {0, 0, 1}, point);
+                                   return environment_point(p.lights, {0, 0, 1}, 0, point);
                                })
         .def_property_readonly("shape_count",
                                [](const LightsProbe& p) { return shape_count(p.lights); })

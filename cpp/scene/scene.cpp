@@ -46,9 +46,9 @@ ShapeCallbacks light_shapes(const Lights& lights) {
         shape_bounds(*static_cast<const Lights*>(user), static_cast<int>(shape), lower, upper);
     };
     shapes.intersect = [](const void* user, uint32_t shape, Vec3f origin, Vec3f direction,
-                          float tnear, float tfar, float& t, Vec2f& uv) {
+                          float time, float tnear, float tfar, float& t, Vec2f& uv) {
         return intersect_shape(*static_cast<const Lights*>(user), static_cast<int>(shape), origin,
-                               direction, tnear, tfar, t, uv);
+                               direction, time, tnear, tfar, t, uv);
     };
     return shapes;
 }
@@ -64,7 +64,7 @@ void Scene::commit(std::shared_ptr<const embree::Library> library, const std::st
     has_motion =
         camera.moves() ||
         std::any_of(meshes.begin(), meshes.end(), [](const Mesh& m) { return m.moves(); }) ||
-        !instance_steps.empty();
+        !instance_steps.empty() || !lights.motions.empty();
     acceleration =
         std::make_unique<Acceleration>(std::move(library), isa, meshes, world_meshes, prototypes,
                                        instances, instance_steps, light_shapes(lights));

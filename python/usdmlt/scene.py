@@ -300,6 +300,9 @@ class Instances:
 # still casts shadows in it, and what reflects its light lights everything.
 #
 # ``light_group``: what layers of light paths tell the light by, beside its name.
+#
+# ``motion``: transforms at further equidistant times while the shutter is open, as of Camera. They
+# turn and move a light, which keeps its shape.
 
 
 @dataclass
@@ -341,6 +344,7 @@ class RectLight:
     name: str = ""
     light_link: str | None = None
     light_group: str = ""
+    motion: list[np.ndarray] = field(default_factory=list)
 
 
 @dataclass
@@ -354,6 +358,7 @@ class DiskLight:
     name: str = ""
     light_link: str | None = None
     light_group: str = ""
+    motion: list[np.ndarray] = field(default_factory=list)
 
 
 @dataclass
@@ -367,6 +372,7 @@ class SphereLight:
     name: str = ""
     light_link: str | None = None
     light_group: str = ""
+    motion: list[np.ndarray] = field(default_factory=list)
 
 
 @dataclass
@@ -381,6 +387,7 @@ class CylinderLight:
     name: str = ""
     light_link: str | None = None
     light_group: str = ""
+    motion: list[np.ndarray] = field(default_factory=list)
 
 
 @dataclass
@@ -396,6 +403,7 @@ class DistantLight:
     name: str = ""
     light_link: str | None = None
     light_group: str = ""
+    motion: list[np.ndarray] = field(default_factory=list)
 
 
 @dataclass
@@ -408,6 +416,7 @@ class DomeLight:
     name: str = ""
     light_link: str | None = None
     light_group: str = ""
+    motion: list[np.ndarray] = field(default_factory=list)
 
 
 Light = Union[RectLight, DiskLight, SphereLight, CylinderLight, DistantLight, DomeLight]

@@ -37,6 +37,7 @@ SEES = {
     "layers": "values and densities of mixtures, coats and bent normals in both directions",
     "shaped_lights": "emission that varies with direction in the first edge of light subpaths",
     "motion": "one time for both subpaths, areas of lamps that grow, splats through a moving lens",
+    "moving_lights": "lights at other times in one of the two, environments in another's frame",
     "one_sided": "sides of vertices and edges, seen from the eye, on what light subpaths trace",
     "linked_lights": "links at the first hit of light, in joins and where rays meet lights",
     "clipped_and_mirrored_camera": "splats through a clipped, shifted, left-handed window",

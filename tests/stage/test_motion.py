@@ -147,10 +147,89 @@ def test_the_camera_moves_and_its_lens_stays(read) -> None:
     assert read(camera() + 'def Mesh "m" { QUAD }', FROM_1_TO_2).camera.motion == []
 
 
-def test_lights_stay_with_one_warning(examine) -> None:
-    light = 'def SphereLight "l" {' + moves("1: (0, 0, 5), 2: (1, 0, 5)") + "}"
-    found = examine(camera() + light + 'def Sphere "s" {}', FROM_1_TO_2).warnings
-    assert [w.paths for w in found if "motion of lights" in w.kind] == [["/l"]]
+def light_at(light, time: float) -> np.ndarray:
+    steps = [light.transform, *light.motion]
+    whole = min(int(time * (len(steps) - 1)), len(steps) - 2)
+    part = time * (len(steps) - 1) - whole
+    return steps[whole] * (1 - part) + steps[whole + 1] * part
+
+
+TURNING = """
+def Xform "up" {{ {parent}
+    def {kind} "l" {{
+        float3 xformOp:scale = (2, 1, 1)
+        {spin}
+        uniform token[] xformOpOrder = ["xformOp:rotateZ", "xformOp:scale"] }} }}
+def Sphere "s" {{}}"""
+
+
+def test_lights_are_carried_by_their_parents_and_turn(read) -> None:
+    """By 90 degrees about z while the parent goes 3 units along x; the scale stays."""
+    body = TURNING.format(
+        kind="RectLight",
+        parent=moves("1: (0, 0, 5), 2: (3, 0, 5)"),
+        spin="double xformOp:rotateZ.timeSamples = { 1: 0, 2: 90 }",
+    )
+    light = read(camera() + body, FROM_1_TO_2).lights[0]
+    for time in (0, 0.25, 0.5, 1):
+        m, angle = light_at(light, time), math.radians(90 * time)
+        np.testing.assert_allclose(m[3, :3], (3 * time, 0, 5), atol=2e-3)
+        np.testing.assert_allclose(m[0, :2], (2 * math.cos(angle), 2 * math.sin(angle)), atol=5e-3)
+        np.testing.assert_allclose(m[1, :2], (-math.sin(angle), math.cos(angle)), atol=5e-3)
+
+
+def test_lights_keep_their_size_with_a_warning(read, examine) -> None:
+    """The scale of the frame, which is not the one when the shutter opens."""
+    light = """def SphereLight "l" {
+        float3 xformOp:scale.timeSamples = { 1: (1, 1, 1), 2: (2, 2, 2) }
+        double3 xformOp:translate.timeSamples = { 1: (0, 0, 5), 2: (4, 0, 5) }
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"] }"""
+    body = camera(-1.0, 0.0) + light + 'def Sphere "s" {}'
+    kept = read(body, FROM_1_TO_2, frame=2).lights[0]
+    assert len(kept.motion) == 1
+    for time, x in ((0, 0), (0.5, 2), (1, 4)):
+        np.testing.assert_allclose(light_at(kept, time)[:3, :3], 2 * np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(light_at(kept, time)[3, :3], (x, 0, 5), atol=1e-12)
+    found = examine(body, FROM_1_TO_2, frame=2).warnings
+    assert [w.paths for w in found if "keep the size" in w.kind] == [["/l"]]
+
+
+def test_lights_at_infinity_turn_and_do_not_move(read) -> None:
+    for kind in ("DomeLight", "DistantLight"):
+        still = TURNING.format(
+            kind=kind, parent=moves("1: (0, 0, 5), 2: (3, 0, 5)"), spin="double xformOp:rotateZ = 0"
+        ).replace("(2, 1, 1)", "(1, 1, 1)")
+        assert read(camera() + still, FROM_1_TO_2).lights[0].motion == []
+        turns = still.replace("rotateZ = 0", "rotateZ.timeSamples = { 1: 0, 2: 90 }")
+        light = read(camera() + turns, FROM_1_TO_2).lights[0]
+        np.testing.assert_allclose(light_at(light, 1)[0, :3], (0, 1, 0), atol=1e-9)
+
+
+def test_the_pole_of_a_dome_turns_with_it(read) -> None:
+    body = """def DomeLight_1 "l" { uniform token poleAxis = "Z"
+        double xformOp:rotateX.timeSamples = { 1: 0, 2: 90 }
+        uniform token[] xformOpOrder = ["xformOp:rotateX"] }
+    def Sphere "s" {}"""
+    light = read(camera() + body, FROM_1_TO_2).lights[0]
+    pole = [light_at(light, time)[1, :3] for time in (0, 1)]  # the description's poles are y
+    np.testing.assert_allclose(pole, [(0, 0, 1), (0, -1, 0)], atol=1e-9)
+
+
+def test_lights_fly_with_their_instances(read) -> None:
+    body = """
+    def PointInstancer "i" {
+        rel prototypes = </i/lamp>
+        int[] protoIndices = [0, 0]
+        point3f[] positions.timeSamples = { 1: [(0, 0, 0), (0, 5, 0)] }
+        vector3f[] velocities.timeSamples = { 1: [(10, 0, 0), (0, 0, 0)] }
+        def SphereLight "lamp" { double3 xformOp:translate = (0, 0, 1)
+            uniform token[] xformOpOrder = ["xformOp:translate"] }
+    }
+    def Sphere "s" {}"""
+    flying, still = read(camera() + body, FROM_1_TO_2).lights
+    np.testing.assert_allclose(light_at(flying, 0.5)[3, :3], (0.5, 0, 1), atol=1e-9)
+    assert still.motion == []
+    np.testing.assert_allclose(still.transform[3, :3], (0, 5, 1), atol=1e-9)
 
 
 # ---------------------------------------------------------------------------------------------

@@ -456,6 +456,49 @@ def motion() -> s.Scene:
 
 
 @scene
+def moving_lights() -> s.Scene:
+    """Lights of all kinds turn and pass while the shutter is open: shapes, one of them shaped, an
+    environment of a dome and a distant light, a sun without extent; onto glass and rough metal."""
+    sky = np.zeros((16, 32, 3), np.float32)
+    sky[:8, :16] = 0.6
+    sky[3, 20:22] = 12.0
+
+    def turning(light: s.Light, axis: tuple, degrees: float, move: tuple = (0, 0, 0)) -> s.Light:
+        start = light.transform
+        light.motion = []
+        for i in range(1, 5):
+            turned = rotate(axis, degrees * i / 4)
+            turned[:3, :3] = start[:3, :3] @ turned[:3, :3]
+            turned[3, :3] = start[3, :3] + np.array(move) * (i / 4)
+            light.motion.append(turned)
+        return light
+
+    down = rotate((1, 0, 0), -90)
+    spot = s.Shaping(cone_angle_degrees=40.0, cone_softness=0.5)
+    lights = [
+        turning(s.RectLight((4, 3, 2), 0.8, 0.5, down @ translate(-1, 2, 0)), (0, 0, 1), 60),
+        turning(s.DiskLight((9, 9, 9), 0.3, down @ translate(1, 2, 1), spot), (1, 0, 0.3), 70),
+        turning(s.SphereLight((3, 4, 6), 0.15, translate(-1.5, 0.6, 1)), (0, 1, 0), 0, (1.2, 1, 0)),
+        turning(s.CylinderLight((6, 2, 2), 0.08, 1.2, translate(0.6, 1.5, -1)), (0, 1, 0), 90),
+        turning(s.DomeLight((1, 1, 1), texture=0), (0.2, 1, 0), 120),
+        turning(s.DistantLight((20, 18, 15), 8.0, down), (1, 0, 0), 60),
+        turning(s.DistantLight((0.5, 0.4, 0.9), 0.0, down @ rotate((0, 0, 1), 30)), (0, 1, 0), 90),
+    ]
+    ball = sphere(0.5, 2, rings=8, smooth=True, transform=translate(-0.2, 0.6, 0.5))
+    return picture_of(
+        perspective((0, 2.0, 5), (0, 0.5, 0), 38),
+        meshes=[floor(0), ball, box((0.5, 0, -0.4), (1.1, 0.7, 0.3), 1)],
+        materials=[
+            WHITE,
+            s.Material(s.Conductor(roughness=0.3)),
+            s.Material(s.Dielectric(1.5, 0.25, scatter_mode="RT")),
+        ],
+        textures=[s.Texture(sky)],
+        lights=lights,
+    )
+
+
+@scene
 def linked_lights() -> s.Scene:
     """Lights of all kinds that illuminate some things only: shapes, a mesh, an environment of
     three lights, a sun without extent; through glass, and instances."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from usdmlt.errors import Error, Report
 from usdmlt.scene import Instances, Light, Mesh, Primvar, Prototype
-from usdmlt.stage.lights import moved
+from usdmlt.stage.light_motion import place_light
 from usdmlt.stage.materials import Materials
 from usdmlt.stage.motion import composed, moving_instances, settled
 from usdmlt.stage.traversal import Group, Placements
@@ -37,11 +37,8 @@ def flatten(groups: list[Group], materials: Materials, report: Report) -> Flat:
     flat = Flat()
     for group in groups:
         transforms, motion = group.placements.transforms, group.placements.motion
-        for light in group.scene_lights:
-            flat.lights += [moved(light, transform) for transform in transforms]
-        for placed in group.lights:
-            if placed.motion is not None or motion is not None:
-                report.warn("the motion of lights is not rendered", placed.prim.GetPath())
+        for light, placed in zip(group.scene_lights, group.lights, strict=True):
+            flat.lights += place_light(light, placed, group.placements, report)
         for meshes, chosen in _by_values(group, materials, report):
             moving = None if motion is None else motion[:, chosen]
             _add(flat, group.name, meshes, transforms[chosen], moving, report)

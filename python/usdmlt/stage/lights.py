@@ -8,7 +8,6 @@ included, as hdEmbree takes them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from pxr import Ar, Sdf, Usd, UsdGeom, UsdLux
@@ -338,11 +337,6 @@ READERS: dict[str, Callable[[LightReader, Usd.Prim, np.ndarray], scene.Light]] =
     "DomeLight_1": _dome,
 }
 _AT_INFINITY = {"DistantLight", "DomeLight", "DomeLight_1"}
-
-
-def moved(light: scene.Light, transform: np.ndarray) -> scene.Light:
-    """The light of a prototype where an instance has it."""
-    return replace(light, transform=light.transform @ transform)
 
 
 def default_dome() -> scene.DomeLight:
