@@ -69,6 +69,52 @@ def test_render_settings_choose_purposes_unless_asked(read):
     assert names(read(body, purposes=["render"])) == ["/x/plain", "/x/r/c"]
 
 
+PURPOSE_VISIBILITY = """
+    def Xform "x" (prepend apiSchemas = ["VisibilityAPI"]) {
+        uniform token renderVisibility = "invisible"
+        def Cube "plain" {}
+        def Xform "r" { uniform token purpose = "render"
+            def Cube "a" {}
+            def Cube "b" (prepend apiSchemas = ["VisibilityAPI"]) {
+                uniform token renderVisibility = "visible" }
+            def Cube "c" (prepend apiSchemas = ["VisibilityAPI"]) {
+                uniform token renderVisibility = "inherited" }
+            def Xform "i" (
+                instanceable = true
+                references = </Class>
+            ) {} }
+        def Cube "p" { uniform token purpose = "proxy" }
+    }
+    class "Class" { def Cube "c" {} }
+    def Cube "r" (prepend apiSchemas = ["VisibilityAPI"]) {
+        uniform token purpose = "render"
+        uniform token proxyVisibility = "invisible" }
+    def Cube "g" { uniform token purpose = "guide" }
+    def Cube "h" (prepend apiSchemas = ["VisibilityAPI"]) {
+        uniform token purpose = "guide"
+        uniform token guideVisibility = "invisible" }
+"""
+
+
+def test_purposes_have_a_visibility_of_their_own(read):
+    found = names(read(PURPOSE_VISIBILITY, purposes=["render", "proxy", "guide"]))
+    assert found == ["/x/plain", "/x/r/b", "/x/r/c", "/x/p", "/r", "/g"]
+
+
+def test_the_visibility_of_purposes_is_the_one_that_usd_computes(write):
+    stage = Usd.Stage.Open(str(write(PURPOSE_VISIBILITY)))
+    for purpose in ("render", "proxy"):
+        expected = [
+            str(prim.GetPath())
+            for prim in stage.Traverse()
+            if prim.IsA(UsdGeom.Cube)
+            and UsdGeom.Imageable(prim).ComputePurpose() == purpose
+            and UsdGeom.Imageable(prim).ComputeEffectiveVisibility(purpose) != "invisible"
+        ]
+        found = names(load(stage, purposes=[purpose]))
+        assert [name for name in found if name != "/x/plain"] == expected
+
+
 def test_an_unknown_purpose_is_a_wrong_value(read):
     with pytest.raises(ValueError, match="unknown purposes: final"):
         read('def Cube "c" {}', purposes=["final"])

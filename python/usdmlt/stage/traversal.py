@@ -158,14 +158,15 @@ class Traversal:
             placed = Placed(prim, kind.name, transform, purpose, as_array(moved), names)
             if self.draw_modes and draw_mode(prim):
                 placed.kind = STAND_IN
-                if purpose in self.purposes and self.visibility.shows(prim):
+                if purpose in self.purposes and self._shows(prim, purpose):
                     group.gprims.append(placed)
                 continue
             if prim.IsInstance():
-                group.instances.append(placed)
+                if not self._is_hidden(prim, purpose):
+                    group.instances.append(placed)
                 continue
             shown = purpose in self.purposes or kind.role in _ANY_PURPOSE
-            if kind.role and shown and self.visibility.shows(prim):
+            if kind.role and shown and self._shows(prim, purpose):
                 self._sort(group, placed, kind)
             if kind.descend:
                 children = prim.GetFilteredChildren(predicate)
@@ -173,6 +174,22 @@ class Traversal:
 
     def _is_invisible(self, prim: Usd.Prim) -> bool:
         return prim.GetAttribute("visibility").Get(self.time) == UsdGeom.Tokens.invisible
+
+    def _shows(self, prim: Usd.Prim, purpose: str) -> bool:
+        return self.visibility.shows(prim) and not self._is_hidden(prim, purpose)
+
+    def _is_hidden(self, prim: Usd.Prim, purpose: str) -> bool:
+        """Whether the nearest opinion on the visibility of a purpose (UsdGeomVisibilityAPI) hides
+        it. Guides that are asked for are shown where there is none."""
+        if purpose == "default":
+            return False
+        name = f"{purpose}Visibility"
+        while prim and not prim.IsPseudoRoot():
+            attribute = prim.GetAttribute(name)
+            if attribute and attribute.HasAuthoredValue():
+                return bool(attribute.Get(self.time) == UsdGeom.Tokens.invisible)
+            prim = prim.GetParent()
+        return False
 
     def _moved(
         self, prim: Usd.Prim, local: Gf.Matrix4d, outer: Gf.Matrix4d, outer_moved: Moved
