@@ -79,6 +79,32 @@ def test_a_frame_between_samples_is_interpolated(read):
     assert read(MOVING, frame=6).meshes[0].transform[3, 0] == pytest.approx(6)
 
 
+@pytest.mark.parametrize(("frame", "place"), [(-5, 1), (1, 1), (11, 11), (500, 11)])
+def test_beyond_the_samples_the_outermost_hold(read, frame, place):
+    assert read(MOVING, frame=frame).meshes[0].transform[3, 0] == place
+
+
+@pytest.mark.parametrize("options", [{}, {"overrides": {"/c.size": "3"}}], ids=["as it is", "anew"])
+def test_a_stage_that_holds_values_is_read_so(write, options):
+    stage = Usd.Stage.Open(str(write(MOVING)))
+    stage.SetInterpolationType(Usd.InterpolationTypeHeld)
+    assert load(stage, frame=6, **options).meshes[0].transform[3, 0] == 1
+
+
+def test_what_is_set_on_an_open_stage_counts_when_it_is_opened_anew(write):
+    muted = write('over "c" { double size = 7 }', name="muted.usda")
+    write('def Cube "inside" {}', 'defaultPrim = "inside"', name="payload.usda")
+    body = MOVING + 'def "p" (payload = @payload.usda@) {}\ndef Cube "masked" {}'
+    mask = Usd.StagePopulationMask(["/c", "/p"])
+    root = str(write(body, "subLayers = [@muted.usda@]"))
+    stage = Usd.Stage.OpenMasked(root, mask, Usd.Stage.LoadNone)
+    stage.MuteLayer(str(muted))
+    for options in ({}, {"overrides": {"/c.visibility": "inherited"}}):
+        scene = load(stage, **options)
+        assert [mesh.name for mesh in scene.meshes] == ["/c"]
+        assert np.ptp(scene.meshes[0].points, axis=0) == pytest.approx([2, 2, 2])
+
+
 def test_without_a_frame_the_start_of_the_stage_is_read(read):
     scene = read(MOVING, "startTimeCode = 3\nendTimeCode = 11")
     assert scene.meshes[0].transform[3, 0] == pytest.approx(3)

@@ -24,6 +24,14 @@ def session_over(session: Sdf.Layer | None) -> Sdf.Layer:
     return layer
 
 
+def keep_settings(stage: Usd.Stage, opened: Usd.Stage) -> None:
+    """Give ``opened`` what is set on an open stage and is in no layer: muted layers, which payloads
+    are loaded, and how values are interpolated."""
+    opened.MuteAndUnmuteLayers(stage.GetMutedLayers(), [])
+    opened.SetLoadRules(stage.GetLoadRules())
+    opened.SetInterpolationType(stage.GetInterpolationType())
+
+
 def choose_variants(stage: Usd.Stage, variants: Mapping[str, str]) -> None:
     """Select variants on the stage's session layer: ``{"/Prim:set": "choice"}``.
 

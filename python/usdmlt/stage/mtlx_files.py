@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from pxr import Ar, Sdf, Usd
 
 from usdmlt.errors import Report
-from usdmlt.stage.edits import session_over
+from usdmlt.stage.edits import keep_settings, session_over
 from usdmlt.stage.mtlx_layers import UnreadableDocument, read_layer
 
 MISSING = "MaterialX files need the MaterialX package (pip install 'usdmlt[materialx]')"
@@ -50,13 +50,15 @@ def with_mtlx_files(stage: Usd.Stage, report: Report) -> Usd.Stage:
         return stage
     session = session_over(stage.GetSessionLayer())
     session.subLayerPaths.insert(0, edits.identifier)
-    return Usd.Stage.OpenMasked(
+    opened = Usd.Stage.OpenMasked(
         stage.GetRootLayer(),
         session,
         stage.GetPathResolverContext(),
         stage.GetPopulationMask(),
         Usd.Stage.LoadAll,
     )
+    keep_settings(stage, opened)
+    return opened
 
 
 def _is_mtlx(path: str) -> bool:

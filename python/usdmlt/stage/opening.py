@@ -12,7 +12,7 @@ from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from usdmlt.errors import Error, Report, UsageError
 from usdmlt.options import LoadOptions
-from usdmlt.stage.edits import choose_variants, session_over, set_values
+from usdmlt.stage.edits import choose_variants, keep_settings, session_over, set_values
 
 log = logging.getLogger("usdmlt")
 
@@ -35,6 +35,7 @@ def open_stage(
         if not edited and all(option is None for option in asked):
             return stage
         root, session = stage.GetRootLayer(), stage.GetSessionLayer()
+        population = stage.GetPopulationMask()
         context = stage.GetPathResolverContext()
         with Ar.ResolverContextBinder(context):
             context = _with_search_paths(context, options)
@@ -43,6 +44,7 @@ def open_stage(
         context = _with_search_paths(Ar.GetResolver().GetCurrentContext(), options)
         with Ar.ResolverContextBinder(context):
             root, session = _open_layer(name), None
+        population = Usd.StagePopulationMask.All()
         if options.resolver == "root":
             context = _with_search_paths(
                 Ar.GetResolver().CreateDefaultContextForAsset(root.realPath or name), options
@@ -51,13 +53,14 @@ def open_stage(
         session = _open_layer(os.fspath(options.session_layer))
     if edited:
         session = session_over(session)
-    population = Usd.StagePopulationMask.All()
     if options.mask is not None:
         population = Usd.StagePopulationMask([_prim_path(path) for path in options.mask])
     try:
         opened = Usd.Stage.OpenMasked(root, session, context, population, Usd.Stage.LoadAll)
     except Tf.ErrorException as error:
         raise Error(f"{root.identifier}: {_reason(error)}") from None
+    if isinstance(stage, Usd.Stage):
+        keep_settings(stage, opened)
     choose_variants(opened, options.variants)
     set_values(opened, options.overrides)
     return opened
