@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from support.scattering import probe_material
+from support.shapes import at_corners
 from usdmlt.errors import Error
 from usdmlt.scene import PreviewSurface, PrimvarInput
 
@@ -96,6 +98,38 @@ def test_primvar_readers_feed_inputs(material):
     )
     found = material("color3f inputs:diffuseColor.connect = </M/p.outputs:result>", nodes)
     assert found.closure.diffuseColor == PrimvarInput("weight", (1, 2, 3))
+
+
+NUMBERS = "(0.25, 0.5, 0.75)"
+# Of each kind of reader: the primvar's type and value, and the same as a number of an input.
+KINDS = {
+    "float": ("float", "0.25", "float inputs:roughness = 0.25"),
+    "int": ("int", "1", "float inputs:metallic = 1"),
+    "float3": ("color3f", NUMBERS, f"color3f inputs:emissiveColor = {NUMBERS}"),
+    "float4": ("color4f", "(0.25, 0.5, 0.75, 1)", f"color3f inputs:emissiveColor = {NUMBERS}"),
+    "normal": ("normal3f", NUMBERS, f"color3f inputs:emissiveColor = {NUMBERS}"),
+    "point": ("point3f", NUMBERS, f"color3f inputs:emissiveColor = {NUMBERS}"),
+    "vector": ("vector3f", NUMBERS, f"color3f inputs:emissiveColor = {NUMBERS}"),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_reader_means_the_same_as_a_constant(read, kind):
+    type_name, value, constant = KINDS[kind]
+    plain = MATERIAL.replace("INPUTS", constant).replace("NODES", "")
+    nodes = READER.replace("KIND", kind).replace("FALLBACK", "").replace("float outputs", "#")
+    feeds = constant.split(" = ")[0] + ".connect = </M/p.outputs:result>"
+    body = MATERIAL.replace("INPUTS", feeds).replace("NODES", nodes)
+    primvar = f"{type_name}[] primvars:weight = [{value}] ( interpolation = 'constant' )"
+    body = body.replace("rel material:binding", primvar + "\nrel material:binding")
+    scene = read(body)
+    corners = at_corners(scene.meshes[0].primvars["weight"], scene.meshes[0])[0]
+    found = probe_material(scene.materials[0], [], {"weight": corners})
+    expected = probe_material(read(plain).materials[0], [], {})
+    assert found.lobes == expected.lobes
+    assert found.emission == expected.emission
+    nothing = probe_material(read(MATERIAL.replace("INPUTS", "").replace("NODES", "")).materials[0])
+    assert (nothing.lobes, nothing.emission) != (expected.lobes, expected.emission)
 
 
 def test_outputs_need_not_be_declared(material):

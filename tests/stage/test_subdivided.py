@@ -32,6 +32,17 @@ def test_a_cube_without_scheme_is_catmull_clark(only_mesh):
     assert np.einsum("tci,ti->tc", at_corners(mesh.normals, mesh), face_normals(mesh)).min() > 0.98
 
 
+def test_authored_normals_are_not_those_of_a_subdivision_surface(only_mesh):
+    """Its limit has its own; on polygons they count."""
+    normals = "normal3f[] normals = [" + ", ".join(["(0, 0, 1)"] * 8) + "]\n"
+    plain = only_mesh(f'def Mesh "m" {{ {CUBE} }}', complexity="medium")
+    smooth = only_mesh(f'def Mesh "m" {{ {CUBE}\n{normals} }}', complexity="medium")
+    assert np.array_equal(at_corners(smooth.normals, smooth), at_corners(plain.normals, plain))
+    scheme = 'uniform token subdivisionScheme = "none"\n'
+    polygons = only_mesh(f'def Mesh "m" {{ {CUBE}\n{normals}{scheme} }}')
+    assert (at_corners(polygons.normals, polygons) == (0, 0, 1)).all()
+
+
 @pytest.mark.parametrize("complexity", ["low", "medium", "high", "veryhigh"])
 def test_complexity_is_the_level(only_mesh, complexity):
     mesh = only_mesh(f'def Mesh "m" {{ {CUBE} }}', complexity=complexity)
