@@ -28,7 +28,7 @@ LIGHTS = ["SphereLight", "RectLight", "DiskLight", "CylinderLight", "DistantLigh
 OTHERS = ["Xform", "Scope", "Camera", "Material", "Shader", "RenderSettings", "RenderProduct",
           "RenderVar", "RenderPass", ""]  # fmt: skip
 APIS = ["MaterialBindingAPI", "ShapingAPI", "ShadowAPI", "MeshLightAPI", "SkelBindingAPI",
-        "GeomModelAPI", "MotionAPI", "NoSuchAPI"]  # fmt: skip
+        "GeomModelAPI", "MotionAPI", "VisibilityAPI", "NoSuchAPI"]  # fmt: skip
 SHADERS = ["UsdPreviewSurface", "UsdUVTexture", "UsdPrimvarReader_float2", "UsdTransform2d",
            "ND_standard_surface_surfaceshader", "ND_open_pbr_surface_surfaceshader",
            "ND_multiply_color3", "ND_image_color3", "ND_no_such_node"]  # fmt: skip
@@ -100,6 +100,14 @@ def quad(mesh: UsdGeom.Mesh) -> None:
     mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3])
 
 
+PLACES = [
+    Gf.Matrix4d(1.0),
+    Gf.Matrix4d().SetTranslate((1, -2, 0.5)),
+    Gf.Matrix4d().SetRotate(Gf.Rotation((0, 1, 1), 100)),
+    Gf.Matrix4d().SetScale((2, 1, -0.5)),
+]
+
+
 def add_prim(draw: Callable[[st.SearchStrategy], Any], stage: Usd.Stage, paths: list[str]) -> None:
     parent = draw(st.sampled_from(["", *paths]))
     path = f"{parent}/P{len(paths)}"
@@ -143,7 +151,9 @@ def add_prim(draw: Callable[[st.SearchStrategy], Any], stage: Usd.Stage, paths: 
             primvar.SetIndices(Vt.IntArray(draw(st.lists(integers, max_size=5))))
     if draw(st.booleans()) and prim.IsA(UsdGeom.Xformable):
         with contextlib.suppress(Tf.ErrorException):
-            UsdGeom.Xformable(prim).AddTransformOp().Set(draw(tuples(Gf.Matrix4d, 16)))
+            transform = UsdGeom.Xformable(prim).AddTransformOp()
+            for time in draw(st.sampled_from([[Usd.TimeCode.Default()], [0.0, 1.0]])):
+                transform.Set(draw(st.sampled_from(PLACES) | tuples(Gf.Matrix4d, 16)), time)
 
 
 def relate(draw: Callable[[st.SearchStrategy], Any], stage: Usd.Stage, paths: list[str]) -> None:
@@ -174,6 +184,11 @@ def stages(draw: Callable[[st.SearchStrategy], Any]) -> Usd.Stage:
         add_prim(draw, stage, paths)
     for _ in range(draw(st.integers(0, 4))):
         relate(draw, stage, paths)
+    if draw(st.booleans()):  # things move
+        camera = UsdGeom.Camera.Define(stage, "/main_cam")
+        camera.CreateShutterCloseAttr(1.0)
+        camera.AddTranslateOp().Set((0, 0, 5))
+        stage.SetStartTimeCode(0)
     return stage
 
 

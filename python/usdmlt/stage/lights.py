@@ -28,6 +28,7 @@ from usdmlt.stage.light_sizes import (
 from usdmlt.stage.membership import SHADOW_LINK, Collection, is_authored
 from usdmlt.stage.numbers import finite_number
 from usdmlt.stage.textures import Textures
+from usdmlt.stage.transforms import singular
 
 LARGEST_EXPOSURE = 100.0  # stops: beyond, no float holds what it means
 
@@ -57,8 +58,7 @@ class LightReader:
         Raises :class:`Error` with the prim path for sizes and transforms that emit nothing.
         """
         self._warn_of_unsupported(prim, kind)
-        linear = transform[:3, :3]
-        if kind not in _AT_INFINITY and not abs(np.linalg.det(linear)) > 0:
+        if kind not in _AT_INFINITY and singular(transform):
             raise Error(f"{prim.GetPath()}: the light's transform is singular")
         light = READERS[kind](self, prim, transform)
         light.light_group = light_group(prim)
@@ -313,7 +313,7 @@ _POLE_Z = np.array(
 
 
 def _dome(reader: LightReader, prim: Usd.Prim, transform: np.ndarray) -> scene.DomeLight:
-    if not abs(np.linalg.det(transform[:3, :3])) > 0:
+    if singular(transform):
         raise Error(f"{prim.GetPath()}: the light's transform is singular")
     reader.warn_of_shaping(prim)
     pole = prim.GetAttribute("poleAxis").Get() if prim.GetAttribute("poleAxis") else "Y"
