@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+import io
+import logging
+
 import pytest
 
-from usdmlt.cli.progress import clock, describe, fraction_done, remaining_seconds
+from usdmlt.cli.progress import (
+    clock,
+    describe,
+    display,
+    display_reading,
+    fraction_done,
+    remaining_seconds,
+)
 from usdmlt.rendering import Progress
+from usdmlt.settings import Settings
 
 
 def progress(done: int, total: int, seconds: float) -> Progress:
@@ -33,3 +44,34 @@ def test_the_nearer_of_time_limit_and_units_counts() -> None:
 )
 def test_clock(seconds: float, text: str) -> None:
     assert clock(seconds) == text
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_shows_bars_of_reading_and_rendering(monkeypatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    for shown, call, text in (
+        (display_reading, (1200, 4800), "25 %  1,200 of 4,800 prims read"),
+        (lambda quiet: display(Settings(), quiet), (progress(25, 100, 10.0),), "25 %  10.2 k"),
+    ):
+        terminal = Terminal()
+        monkeypatch.setattr("sys.stderr", terminal)
+        with shown(quiet=False) as show:
+            show(*call)
+        assert text in terminal.getvalue()
+        with shown(quiet=True) as show:
+            assert show is None
+
+
+def test_elsewhere_there_is_a_line_now_and_then(monkeypatch, caplog) -> None:
+    monkeypatch.setattr("sys.stderr", io.StringIO())
+    caplog.set_level(logging.INFO, "usdmlt")
+    with display_reading(quiet=False) as show:
+        show(1, 4)
+        assert caplog.messages == []
+        monkeypatch.setattr("usdmlt.cli.progress.SECONDS_BETWEEN_LINES", 0.0)
+        show(2, 4)
+    assert caplog.messages == ["50 %, 2 of 4 prims read"]

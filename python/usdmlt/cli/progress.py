@@ -1,4 +1,4 @@
-"""How far the render is: a bar on a terminal, a line now and then elsewhere, or for programs."""
+"""How far reading and rendering are: a bar on a terminal, lines elsewhere, or for programs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ProgressStyle = Literal["plain", "json", "alfred"]
 def display(
     settings: Settings, style: ProgressStyle | None, quiet: bool
 ) -> Iterator[Callable[[Progress], None] | None]:
-    """A function that shows the progress it is called with; None when quiet.
+    """A function that shows the progress of rendering it is called with; None when quiet.
 
     What is for programs goes to stdout, quiet or not.
     """
@@ -34,13 +34,46 @@ def display(
         yield _records(settings)
     elif style == "alfred":
         yield _alfred(settings)
-    elif quiet:
+    else:
+        with _display(style, quiet) as show:
+            if show is None:
+                yield None
+                return
+
+            def show_rendering(progress: Progress) -> None:
+                show(fraction_done(progress, settings.time), describe(progress, settings.time))
+
+            yield show_rendering
+
+
+@contextmanager
+def display_reading(
+    style: ProgressStyle | None, quiet: bool
+) -> Iterator[Callable[[int, int], None] | None]:
+    """The same for the prims of a stage that are read, of how many; programs are not told."""
+    with _display(style, quiet or style in ("json", "alfred")) as show:
+        if show is None:
+            yield None
+            return
+
+        def show_reading(done: int, total: int) -> None:
+            show(done / total, f"{done:,} of {total:,} prims read")
+
+        yield show_reading
+
+
+@contextmanager
+def _display(
+    style: ProgressStyle | None, quiet: bool
+) -> Iterator[Callable[[float, str], None] | None]:
+    """A function that shows a fraction that is done, and a text; None when quiet."""
+    if quiet:
         yield None
     elif style is None and sys.stderr.isatty():
-        with _bar(settings) as show:
+        with _bar() as show:
             yield show
     else:
-        yield _lines(settings)
+        yield _lines()
 
 
 def fraction_done(progress: Progress, time_limit: float | None) -> float:
@@ -82,7 +115,7 @@ def _scaled(rate: float) -> str:
 
 
 @contextmanager
-def _bar(settings: Settings) -> Iterator[Callable[[Progress], None]]:
+def _bar() -> Iterator[Callable[[float, str], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Display
@@ -91,25 +124,20 @@ def _bar(settings: Settings) -> Iterator[Callable[[Progress], None]]:
     with Display(*columns, console=Console(stderr=True), transient=True) as shown:
         task = shown.add_task("", total=1.0, text="")
 
-        def show(progress: Progress) -> None:
-            shown.update(
-                task,
-                completed=fraction_done(progress, settings.time),
-                text=describe(progress, settings.time),
-            )
+        def show(fraction: float, text: str) -> None:
+            shown.update(task, completed=fraction, text=text)
 
         yield show
 
 
-def _lines(settings: Settings) -> Callable[[Progress], None]:
+def _lines() -> Callable[[float, str], None]:
     last = perf_counter()
 
-    def show(progress: Progress) -> None:
+    def show(fraction: float, text: str) -> None:
         nonlocal last
         if perf_counter() - last >= SECONDS_BETWEEN_LINES:
             last = perf_counter()
-            percent = 100 * fraction_done(progress, settings.time)
-            logger.info("%.0f %%, %s", percent, describe(progress, settings.time))
+            logger.info("%.0f %%, %s", 100 * fraction, text)
 
     return show
 

@@ -275,7 +275,7 @@ def _exists(output: str) -> bool:
 def _render(arguments: argparse.Namespace, asked: Asked, job: Job, pictures: Pictures) -> int:
     """Render and write one picture; 0, or 128 + the number of the signal that stopped it."""
     from usdmlt import files
-    from usdmlt.cli.progress import display
+    from usdmlt.cli.progress import display, display_reading
     from usdmlt.interruption import Interruption
     from usdmlt.rendering import Rendering
     from usdmlt.stage import load
@@ -285,14 +285,16 @@ def _render(arguments: argparse.Namespace, asked: Asked, job: Job, pictures: Pic
         options["frame"] = job.frame
     if job.product is not None:
         options["product"] = job.product
-    scene = load(asked.stage, **options)
+    quiet = arguments.verbosity < 0
+    with display_reading(arguments.progress, quiet) as reading:
+        scene = load(asked.stage, progress=reading, **options)
     settings = merged(scene.settings, asked.settings)
     rendering = Rendering(scene, settings)
     pictures.check_layers(rendering.layers, job.output)
     logger.info("%s", _description(asked.stage, rendering))
     with Interruption(signal.SIGINT, signal.SIGTERM, always=True) as interruption:
         with pictures.previews(job.output) as previews:
-            with display(settings, arguments.progress, arguments.verbosity < 0) as progress:
+            with display(settings, arguments.progress, quiet) as progress:
                 rendering.run(
                     progress, stop=lambda: bool(interruption), until=asked.until, previews=previews
                 )

@@ -19,6 +19,7 @@ from usdmlt.stage.materials import Materials, bound_materials
 from usdmlt.stage.meshes import face_materials, read_mesh
 from usdmlt.stage.motion import Shutter, carried
 from usdmlt.stage.primvars import Primvars, Spreads, as_floats
+from usdmlt.stage.reading_progress import Tally
 from usdmlt.stage.skinning import Skin, Skinning
 from usdmlt.stage.transforms import singular
 from usdmlt.stage.traversal import Group, Placed
@@ -52,7 +53,7 @@ class GeometryReader:
         self.deformation = Deformation(shutter, skinning, report)
         self._xforms = UsdGeom.XformCache(time)
 
-    def read(self, group: Group) -> list[Mesh]:
+    def read(self, group: Group, tally: Tally) -> list[Mesh]:
         """The meshes of a group, placed in its space."""
         if not group.gprims:
             return []
@@ -65,6 +66,7 @@ class GeometryReader:
             mesh = self._read_one(group, placed, transforms[i], flat[i], bound[i])
             if mesh is not None:
                 meshes.append(mesh)
+            tally.count()
         return meshes
 
     def _read_one(

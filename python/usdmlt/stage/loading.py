@@ -31,6 +31,7 @@ from usdmlt.stage.motion import Shutter, read_shutter
 from usdmlt.stage.mtlx_files import with_mtlx_files
 from usdmlt.stage.networks import Networks
 from usdmlt.stage.opening import open_stage, time_code, usd_diagnostics
+from usdmlt.stage.reading_progress import ReadingProgress, Tally
 from usdmlt.stage.render_passes import PassVisibility
 from usdmlt.stage.render_settings import Product, RenderSettings, read_render_settings
 from usdmlt.stage.sides import apply_sides
@@ -43,14 +44,20 @@ PURPOSES = ("default", "render")
 UNIT_BOX = (np.full(3, -0.5), np.full(3, 0.5))  # framed where there is nothing
 
 
-def load(stage: Usd.Stage | str | os.PathLike[str], **options: Any) -> Scene:
+def load(
+    stage: Usd.Stage | str | os.PathLike[str],
+    *,
+    progress: ReadingProgress | None = None,
+    **options: Any,
+) -> Scene:
     """Read a USD stage into a :class:`usdmlt.Scene`.
 
     ``stage``: an open stage, which is not changed, or the path of a file. ``options``: the fields
     of :class:`usdmlt.options.LoadOptions`: camera, frame, width, height, crop, purposes, mask,
     session_layer, variants, overrides, render_settings, render_pass, product, complexity,
     double_sided, draw_modes, default_light, domes_visible, texture_memory, search_paths, resolver,
-    primvars, color_space and strict.
+    primvars, color_space and strict. ``progress`` is called about ten times a second with the number of
+    prims of geometry that are read, and of all there are.
 
     Content that is not supported is left out, with one warning per kind on the ``usdmlt`` logger;
     with ``strict`` it raises instead. Raises :class:`usdmlt.Error`, with the prim path or the file,
@@ -62,7 +69,7 @@ def load(stage: Usd.Stage | str | os.PathLike[str], **options: Any) -> Scene:
     """
     asked = LoadOptions(**options)
     report = Report(asked.strict)
-    reading = read_stage(report, stage, asked)
+    reading = read_stage(report, stage, asked, progress)
     report.log()
     return reading.scene
 
@@ -94,7 +101,10 @@ class Reading:
 
 
 def read_stage(
-    report: Report, stage: Usd.Stage | str | os.PathLike[str], options: LoadOptions
+    report: Report,
+    stage: Usd.Stage | str | os.PathLike[str],
+    options: LoadOptions,
+    progress: ReadingProgress | None = None,
 ) -> Reading:
     """As :func:`load`, with the warnings left in ``report``."""
     with usd_diagnostics(report):
@@ -109,7 +119,18 @@ def read_stage(
         lens = None if found is None else read_camera(found, time, report, settings, shutter)
         bounds = cache(lambda: stage_bounds(opened, time, shown))
         scene = _read_content(
-            opened, time, shown, options, settings, lens, bounds, colors, skinning, shutter, report
+            opened,
+            time,
+            shown,
+            options,
+            settings,
+            lens,
+            bounds,
+            colors,
+            skinning,
+            shutter,
+            report,
+            progress,
         )
         limit_textures(scene.textures, options.texture_memory, report)
         scene.camera = lens or _frame_everything(opened, bounds, scene, skinning)
@@ -155,6 +176,7 @@ def _read_content(
     skinning: Skinning,
     shutter: Shutter,
     report: Report,
+    progress: ReadingProgress | None,
 ) -> Scene:
     """Geometry, materials, textures and lights; ``camera`` None: the one that frames them all, that
     is, the authored ``bounds``."""
@@ -182,8 +204,9 @@ def _read_content(
     mesh_lights = MeshLights(
         materials.materials, settings.material_purpose, lights.mesh_radiance, report
     )
+    tally = Tally(sum(len(group.gprims) for group in groups), progress)
     for group in groups:
-        group.scene_meshes = geometry.read(group)
+        group.scene_meshes = geometry.read(group, tally)
         if (options.double_sided or settings.loading.get("double_sided")) == "auto":
             apply_sides(group, materials.materials)
         mesh_lights.apply(group)
