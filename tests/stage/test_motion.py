@@ -232,6 +232,70 @@ def test_lights_fly_with_their_instances(read) -> None:
     np.testing.assert_allclose(still.transform[3, :3], (0, 5, 1), atol=1e-9)
 
 
+BLUR = """
+def Xform "a" {{ {outer}
+    def Xform "b" (prepend apiSchemas = ["MotionAPI"]) {{ float motion:blurScale = {scale}
+        {inner}
+        def Mesh "m" {{ QUAD }}
+        def Mesh "points" {{ QUAD {points} }}
+        def Xform "c" (prepend apiSchemas = ["MotionAPI"]) {{ float motion:blurScale = 1
+            def Mesh "m" {{ QUAD }} }}
+        def SphereLight "l" {{}}
+        def PointInstancer "i" {{
+            rel prototypes = </a/b/i/p>
+            int[] protoIndices = [0, 0]
+            point3f[] positions.timeSamples = {{ 1: [(0, 0, 0), (5, 0, 0)] }}
+            vector3f[] velocities.timeSamples = {{ 1: [(0, 0, 10), (0, 0, 10)] }}
+            def Mesh "p" {{ QUAD }} }} }} }}
+"""
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.5, 2.0])
+def test_blur_scale_counts_for_all_below_about_the_frame(read, scale: float) -> None:
+    """At frame 5; per frame all goes 2 along x with its parent and 1 along y by itself, points that
+    far again, instances 1 along z."""
+    quad = "[(0, {0}, 0), (1, {0}, 0), (1, {1}, 0), (0, {1}, 0)]"
+    body = BLUR.format(
+        scale=scale,
+        outer=moves("0: (-2, 0, 0), 10: (18, 0, 0)"),
+        inner=moves("0: (0, -1, 0), 10: (0, 9, 0)"),
+        points=f"point3f[] points.timeSamples = {{ 0: {quad.format(-1, 0)}, "
+        f"10: {quad.format(9, 10)} }}",
+    )
+    scene = read(camera(-0.5, 0.5) + body, FROM_1_TO_2, frame=5)
+    meshes = {mesh.name: mesh for mesh in scene.meshes}
+    at_frame = {"/a/b/m": (8, 4, 0), "/a/b/points": (8, 8, 0), "/a/b/c/m": (8, 4, 0)}
+    per_frame = {"/a/b/m": (2, 1, 0), "/a/b/points": (2, 2, 0), "/a/b/c/m": (2, 1, 0)}
+    (placed,), (light,) = scene.instances, scene.lights
+    for time in (0, 0.5, 1):
+        for name, place in at_frame.items():
+            frames = (time - 0.5) * (1 if name == "/a/b/c/m" else scale)
+            found = at(meshes[name], time)[0] if meshes[name].motion else at_rest(meshes[name])
+            np.testing.assert_allclose(found, place + frames * np.array(per_frame[name]), atol=1e-5)
+        frames = (time - 0.5) * scale
+        found = matrices(placed, time) if len(placed.motion) else placed.transforms
+        np.testing.assert_allclose(
+            found[0, 3, :3], (8, 4, 4) + frames * np.array((2, 1, 1)), atol=1e-5
+        )
+        found = light_at(light, time) if light.motion else light.transform
+        np.testing.assert_allclose(found[3, :3], (8, 4, 0) + frames * np.array((2, 1, 0)))
+    if scale == 0:
+        assert not meshes["/a/b/m"].motion
+        assert not meshes["/a/b/points"].motion
+        assert not light.motion
+        assert not len(placed.motion)
+
+
+def at_rest(mesh: Mesh) -> np.ndarray:
+    return (mesh.points @ mesh.transform[:3, :3] + mesh.transform[3, :3])[0]
+
+
+def test_blur_scale_that_cannot_be_is_warned_of(examine) -> None:
+    body = BLUR.format(scale=-1, outer="", inner="", points="")
+    found = examine(camera() + body, FROM_1_TO_2).warnings
+    assert [w.paths for w in found if "blurScale" in w.kind] == [["/a/b"]]
+
+
 # ---------------------------------------------------------------------------------------------
 # Shapes
 

@@ -50,7 +50,8 @@ class GeometryReader:
         self.detail = detail
         self.report = report
         self.primvars = Primvars(time, colors, report)
-        self.deformation = Deformation(shutter, skinning, report)
+        self.shutter = shutter
+        self._deformations: dict[float, Deformation] = {}
         self._xforms = UsdGeom.XformCache(time)
 
     def read(self, group: Group, tally: Tally) -> list[Mesh]:
@@ -81,7 +82,8 @@ class GeometryReader:
         prim, skin = placed.prim, None
         attributes = Attributes(prim, self.time, placed.names)
         detail = self.detail.placed(transform, group.placements.transforms)
-        if self.deformation.shutter.opens:
+        shutter = self.shutter.scaled(placed.blur)
+        if shutter.opens:
             detail = SteadyDetail(**vars(detail))
         if placed.kind == STAND_IN:
             read = self.stand_ins.read(prim, detail)
@@ -110,9 +112,12 @@ class GeometryReader:
         def displace(shape: Mesh) -> Mesh:
             return displaced(shape, self.materials.materials, textures, self.report)
 
-        if not self.deformation.shutter.opens:
+        if not shutter.opens:
             return displace(mesh)
-        return self.deformation.moving(group, placed, mesh, topology, skin, detail, displace)
+        if placed.blur not in self._deformations:
+            self._deformations[placed.blur] = Deformation(shutter, self.skinning, self.report)
+        deformation = self._deformations[placed.blur]
+        return deformation.moving(group, placed, mesh, topology, skin, detail, displace)
 
     def _read_polygons(
         self, prim: Attributes, detail: Detail

@@ -214,8 +214,9 @@ class Instancing:
         if singular(placed.matrix):
             raise Error(f"{path}: the transform is singular")
         motion = None
-        if self.traversal.shutter.opens:
-            own = instance_motion(instancer, len(which), self.traversal.shutter, self.report)
+        shutter = self.traversal.shutter.scaled(placed.blur)
+        if shutter.opens:
+            own = instance_motion(instancer, len(which), shutter, self.report)
             motion = placed_motion(transforms, own, placed)
         transforms = transforms @ placed.matrix
         for index in np.unique(which[visible]):
@@ -256,8 +257,9 @@ class Instancing:
             raise Error(f"{placed.prim.GetPath()}: the transform is singular")
         transforms = sphere_transforms(*read)
         motion = None
-        if self.traversal.shutter.opens:
-            own = sphere_motion(placed.prim, len(transforms), self.traversal.shutter, self.report)
+        shutter = self.traversal.shutter.scaled(placed.blur)
+        if shutter.opens:
+            own = sphere_motion(placed.prim, len(transforms), shutter, self.report)
             motion = placed_motion(transforms, own, placed)
         if not len(transforms):
             self.report.note("shapes without extent are left out", placed.prim.GetPath())

@@ -33,6 +33,15 @@ class Shutter:
     def opens(self) -> bool:
         return len(self.times) > 0
 
+    def scaled(self, scale: float) -> Shutter:
+        """Open ``scale`` times as far from the frame, which blurs so much more; 0: not at all."""
+        if scale == 1 or not self.opens:
+            return self
+        if scale == 0:
+            return Shutter(self.frame)
+        frame = self.frame.GetValue()
+        return Shutter(self.frame, frame + scale * (self.times - frame))
+
     @property
     def codes(self) -> list[Usd.TimeCode]:
         return [Usd.TimeCode(float(time)) for time in self.times]

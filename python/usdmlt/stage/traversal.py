@@ -35,7 +35,7 @@ CHILDREN = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 class Placed:
     """A prim, what it is, the names of its authored properties (None: not known), and its transform
     to the space of its group; where that changes while the shutter is open, ``motion``
-    (times, 4, 4)."""
+    (times, 4, 4). ``blur``: motion:blurScale, by which the shutter is scaled."""
 
     prim: Usd.Prim
     kind: str
@@ -43,6 +43,7 @@ class Placed:
     purpose: str
     motion: np.ndarray | None = None
     names: frozenset[str] | None = None
+    blur: float = 1.0
 
     @property
     def matrix(self) -> np.ndarray:
@@ -100,6 +101,8 @@ def as_array(moved: Moved) -> np.ndarray | None:
     return None if moved is None else np.array([np.array(matrix) for matrix in moved])
 
 
+BLUR_SCALE = "motion:blurScale"
+
 # What is below these may have a purpose of its own.
 _ANY_PURPOSE = ("instancer", "skeleton root")
 
@@ -119,7 +122,7 @@ class Traversal:
         shutter: Shutter | None = None,
     ):
         self.shutter = shutter or Shutter(time)
-        self._xforms_at = [UsdGeom.XformCache(code) for code in self.shutter.codes]
+        self._xforms_at: dict[float, list[UsdGeom.XformCache]] = {}
         self.time = time
         self.visibility = visibility or PassVisibility(None, report)
         self.draw_modes = draw_modes
@@ -137,10 +140,12 @@ class Traversal:
         predicate=CHILDREN,
     ) -> None:
         """Sort ``roots`` and all below them into ``group``. ``purpose``: of their parent."""
-        stack: list[tuple[Usd.Prim, Gf.Matrix4d, str, Moved]]
-        stack = [(prim, IDENTITY, purpose, None) for prim in reversed(roots)]
+        stack: list[tuple[Usd.Prim, Gf.Matrix4d, str, Moved, float, tuple[Usd.Prim, ...]]]
+        stack = [
+            (prim, IDENTITY, purpose, None, self._blur_above(prim), ()) for prim in reversed(roots)
+        ]
         while stack:
-            prim, transform, purpose, moved = stack.pop()
+            prim, transform, purpose, moved, blur, above = stack.pop()
             if self.visibility.prunes(prim):
                 continue
             kind = self._kind(prim)
@@ -150,12 +155,17 @@ class Traversal:
                     continue
                 if "purpose" in names and prim.GetAttribute("purpose").HasAuthoredValue():
                     purpose = str(prim.GetAttribute("purpose").Get())
+            if BLUR_SCALE in names and self.shutter.opens:
+                own = self._blur_scale(prim, blur)
+                if own != blur:
+                    blur, moved = own, self._moved_above(above, group, own)
             if kind.xformable and "xformOpOrder" in names:
                 local, resets = self.xforms.GetLocalTransformation(prim)
                 outer = group.from_world if resets else transform
-                moved = self._moved(prim, local, outer, None if resets else moved)
+                moved = self._moved(prim, local, outer, None if resets else moved, blur)
                 transform = local * outer
-            placed = Placed(prim, kind.name, transform, purpose, as_array(moved), names)
+                above = (*above, prim)
+            placed = Placed(prim, kind.name, transform, purpose, as_array(moved), names, blur)
             if self.draw_modes and draw_mode(prim):
                 placed.kind = STAND_IN
                 if purpose in self.purposes and self._shows(prim, purpose):
@@ -170,7 +180,9 @@ class Traversal:
                 self._sort(group, placed, kind)
             if kind.descend:
                 children = prim.GetFilteredChildren(predicate)
-                stack.extend((child, transform, purpose, moved) for child in reversed(children))
+                stack.extend(
+                    (child, transform, purpose, moved, blur, above) for child in reversed(children)
+                )
 
     def _is_invisible(self, prim: Usd.Prim) -> bool:
         return prim.GetAttribute("visibility").Get(self.time) == UsdGeom.Tokens.invisible
@@ -191,19 +203,64 @@ class Traversal:
             prim = prim.GetParent()
         return False
 
+    def _blur_above(self, prim: Usd.Prim) -> float:
+        """What a prim inherits of motion:blurScale."""
+        parent = prim.GetParent()
+        if not self.shutter.opens or not parent:
+            return 1.0
+        scale = UsdGeom.MotionAPI(parent).ComputeMotionBlurScale(self.time)
+        return float(scale) if np.isfinite(scale) and scale >= 0 else 1.0
+
+    def _blur_scale(self, prim: Usd.Prim, inherited: float) -> float:
+        """motion:blurScale of a prim that has an opinion on it."""
+        attribute = prim.GetAttribute(BLUR_SCALE)
+        scale = attribute.Get(self.time) if attribute.HasAuthoredValue() else None
+        if scale is None:
+            return inherited
+        if not isinstance(scale, float) or not np.isfinite(scale) or scale < 0:
+            self.report.warn(
+                "blurScale is ignored where it is no number of at least 0", prim.GetPath()
+            )
+            return inherited
+        return scale
+
+    def _caches(self, blur: float) -> list[UsdGeom.XformCache]:
+        if blur not in self._xforms_at:
+            codes = self.shutter.scaled(blur).codes
+            self._xforms_at[blur] = [UsdGeom.XformCache(code) for code in codes]
+        return self._xforms_at[blur]
+
+    def _moved_above(self, above: tuple[Usd.Prim, ...], group: Group, blur: float) -> Moved:
+        """The transforms of a parent to its group, at the times of a shutter scaled by ``blur``."""
+        caches = self._caches(blur)
+        result = [IDENTITY] * len(caches)
+        for prim in above:  # from the outermost on
+            for index, cache in enumerate(caches):
+                local, resets = cache.GetLocalTransformation(prim)
+                result[index] = local * (group.from_world if resets else result[index])
+        return result or None
+
     def _moved(
-        self, prim: Usd.Prim, local: Gf.Matrix4d, outer: Gf.Matrix4d, outer_moved: Moved
+        self,
+        prim: Usd.Prim,
+        local: Gf.Matrix4d,
+        outer: Gf.Matrix4d,
+        outer_moved: Moved,
+        blur: float,
     ) -> Moved:
         """The transforms of a prim to its group at the times of the shutter; None if it stays."""
-        if not self._xforms_at:
+        if not self.shutter.opens:
+            return None
+        caches = self._caches(blur)
+        if not caches:
             return None
         varies = UsdGeom.Xformable(prim).TransformMightBeTimeVarying()
         if not varies and outer_moved is None:
             return None
-        times = len(self._xforms_at)
+        times = len(caches)
         locals_ = [local] * times
         if varies:
-            locals_ = [cache.GetLocalTransformation(prim)[0] for cache in self._xforms_at]
+            locals_ = [cache.GetLocalTransformation(prim)[0] for cache in caches]
         outers = outer_moved or [outer] * times
         return [a * b for a, b in zip(locals_, outers, strict=True)]
 
