@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 
+from support.rendering import rgba
 from usdmlt.errors import Error
 from usdmlt.stage import load
 from usdmlt.stage.cameras import exposure_scale
@@ -367,3 +368,30 @@ def test_back_plates_are_warned_of(examine, visibility, expected):
     body = f'def Camera "c" {plate} {{ {authored} }} def Camera "other" {plate} {{}}'
     found = examine(body, camera="/c").warnings
     assert [path for w in found if "back plates" in w.kind for path in w.paths] == expected
+
+
+def test_an_edge_out_of_focus_is_as_soft_as_its_circle_of_confusion(read):
+    """A lens of radius 0.1 · 50 / (2 · 2.5) = 1, in focus at 10, sees the edge x = 0 of a wall at
+    20: the ray of a lens point (u, v) and the direction t meets it at x = 20 t - u."""
+    scene = read(
+        """
+        def Camera "c" {
+            float focalLength = 50
+            float fStop = 2.5
+            float focusDistance = 10
+            float horizontalAperture = 10
+            float verticalAperture = 10
+        }
+        def Mesh "wall" { uniform token subdivisionScheme = "none"
+            int[] faceVertexCounts = [4]
+            int[] faceVertexIndices = [0, 1, 2, 3]
+            point3f[] points = [(0, -9, -20), (9, -9, -20), (9, 9, -20), (0, 9, -20)]
+        }""",
+        width=16,
+        height=16,
+    )
+    covered = rgba(scene, "path", samples=256, depth=1)[..., 3].mean(axis=0)
+    edges = np.linspace(-2, 2, 16 * 8 + 1)  # 20 t, as the window is 0.2 wide
+    s = np.clip((edges[1:] + edges[:-1]) / 2, -1, 1)
+    below = 0.5 + (s * np.sqrt(1 - s * s) + np.arcsin(s)) / np.pi  # of the lens, u < s
+    assert covered == pytest.approx(below.reshape(16, 8).mean(axis=1), abs=0.02)
