@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/shared_array.hpp"
 #include "geometry/motion.hpp"
 
 namespace usdmlt {
@@ -20,8 +21,8 @@ struct Triangle {
 // Values at the corners of triangles. Without `corners`, they are indexed by the mesh's vertices.
 struct CornerValues {
     int width = 0;  // floats per value, 1–4
-    std::vector<float> values;
-    std::vector<Triangle> corners;
+    SharedArray<float> values;
+    SharedArray<Triangle> corners;
 
     bool empty() const { return values.empty(); }
     size_t offset(const Triangle& vertices, uint32_t triangle, int corner) const {
@@ -36,10 +37,10 @@ struct CornerValues {
 struct Mesh {
     std::string name;  // prim path, for messages
     std::vector<Vec3f> positions;
-    std::vector<Triangle> triangles;
+    SharedArray<Triangle> triangles;
     CornerValues normals;                      // width 3; empty: flat
     std::vector<CornerValues> primvars;        // by the scene's primvar slot; may be empty
-    std::vector<uint32_t> triangle_materials;  // empty: `material` for all
+    SharedArray<uint32_t> triangle_materials;  // empty: `material` for all
     uint32_t material = 0;
     uint32_t receiver = 0;          // what lights are linked to: see LightLinks
     uint32_t link = invalid_index;  // collection that its own emission is linked to

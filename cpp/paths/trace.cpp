@@ -61,17 +61,18 @@ Vec3f interpolate(const float* a, const float* b, const float* c, float u, float
 
 // The mesh's normals at a hit, not of unit length.
 Vec3f interpolated_normal(const Mesh& mesh, const Hit& hit) {
-    const auto at = [&](int corner, const std::vector<float>& values) {
-        return values.data() +
-               mesh.normals.offset(mesh.triangles[hit.primitive], hit.primitive, corner);
+    const auto at = [&](int corner, const float* values) {
+        return values + mesh.normals.offset(mesh.triangles[hit.primitive], hit.primitive, corner);
     };
-    const auto of = [&](const std::vector<float>& values) {
+    const auto of = [&](const float* values) {
         return interpolate(at(0, values), at(1, values), at(2, values), hit.u, hit.v);
     };
-    if (mesh.later_normals.empty()) return of(mesh.normals.values);
+    const float* first = mesh.normals.values.data();
+    if (mesh.later_normals.empty()) return of(first);
     const TimeSegment t(hit.time, mesh.later_normals.size() + 1);
-    return interpolate(of(t.first == 0 ? mesh.normals.values : mesh.later_normals[t.first - 1]),
-                       of(mesh.later_normals[t.first]), t.fraction);
+    const auto& later = mesh.later_normals;
+    return interpolate(of(t.first == 0 ? first : later[t.first - 1].data()),
+                       of(later[t.first].data()), t.fraction);
 }
 
 float opacity_of(const Scene& scene, const Mesh& mesh, uint32_t triangle, float u, float v) {

@@ -1,12 +1,26 @@
-// Vectors of plain numbers as NumPy arrays, without a copy.
+// Plain numbers of NumPy arrays and of vectors as each other's, without a copy.
 #pragma once
 
 #include <pybind11/numpy.h>
 
 #include <cstdint>
+#include <memory>
+#include <utility>
 #include <vector>
 
 namespace usdmlt {
+
+// The memory of an array, which lives as long as the pointer.
+template <typename T>
+std::shared_ptr<const T> share(pybind11::array array) {
+    const auto* data = static_cast<const T*>(array.data());
+    auto* owner = new pybind11::array(std::move(array));
+    return {data, [owner](const T*) {
+                if (!Py_IsInitialized()) return;  // the interpreter took it along
+                const pybind11::gil_scoped_acquire gil;
+                delete owner;
+            }};
+}
 
 // Takes the vector over. `T` is a number, or a struct of `width` numbers of type `Number`.
 template <class Number, class T>

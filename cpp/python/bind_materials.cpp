@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "materials/nodes.hpp"
+#include "python/arrays.hpp"
 
 namespace usdmlt {
 
@@ -32,18 +33,6 @@ Wrap wrap_from_python(const py::handle& name) {
                                                       {"repeat", Wrap::repeat},
                                                       {"mirror", Wrap::mirror}};
     return choose(wraps, py::cast<std::string>(name));
-}
-
-// The memory of an array, which lives as long as the pointer.
-template <typename T>
-std::shared_ptr<const T> share(py::array array) {
-    const auto* data = static_cast<const T*>(array.data());
-    auto* owner = new py::array(std::move(array));
-    return {data, [owner](const T*) {
-                if (!Py_IsInitialized()) return;  // the interpreter took it along
-                const py::gil_scoped_acquire gil;
-                delete owner;
-            }};
 }
 
 Texture texture_from_python(const py::handle& source) {
@@ -227,13 +216,14 @@ public:
         compiled.append(compiled_material);
         materials_ = materials_from_python(textures, compiled);
         mesh_.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
-        mesh_.triangles = {{{0, 1, 2}}};
+        mesh_.triangles = std::vector<Triangle>{{{0, 1, 2}}};
         for (const auto& [slot, values] : primvars) {
             if (values.ndim() != 2 || values.shape(0) != 3 || values.shape(1) > 4)
                 throw std::invalid_argument("a primvar has 3 rows of at most 4 numbers");
             if (slot >= mesh_.primvars.size()) mesh_.primvars.resize(slot + 1);
             mesh_.primvars[slot].width = int(values.shape(1));
-            mesh_.primvars[slot].values.assign(values.data(), values.data() + values.size());
+            mesh_.primvars[slot].values =
+                std::vector<float>(values.data(), values.data() + values.size());
         }
         b1_ = barycentrics[0];
         b2_ = barycentrics[1];
@@ -354,10 +344,10 @@ std::array<float, 3> tangent_of_triangle(const FloatArray& points, const FloatAr
     for (int i = 0; i < 3; ++i)
         mesh.positions.push_back(
             {points.data()[3 * i], points.data()[3 * i + 1], points.data()[3 * i + 2]});
-    mesh.triangles = {{{0, 1, 2}}};
+    mesh.triangles = std::vector<Triangle>{{{0, 1, 2}}};
     mesh.primvars.resize(1);
     mesh.primvars[0].width = 2;
-    mesh.primvars[0].values.assign(st.data(), st.data() + 6);
+    mesh.primvars[0].values = std::vector<float>(st.data(), st.data() + 6);
     const Vec3f t = tangent_along_s(mesh, 0, 0);
     return {t.x, t.y, t.z};
 }

@@ -8,6 +8,7 @@
 
 #include "base/floating_point.hpp"
 #include "paths/trace.hpp"
+#include "python/arrays.hpp"
 #include "python/bind_lights.hpp"
 #include "python/bind_materials.hpp"
 #include "scene/dirac_content.hpp"
@@ -86,13 +87,19 @@ BoundsD mesh_bounds(const py::handle& mesh) {
     return b;
 }
 
-std::vector<Triangle> triangles_of(const Indices& array, bool flipped) {
+// Numbers of the array's own memory where it has their type and order, else of a copy.
+template <class T, class Array>
+SharedArray<T> shared(Array array) {
+    const auto size = static_cast<size_t>(array.nbytes()) / sizeof(T);
+    return {share<T>(std::move(array)), size};
+}
+
+SharedArray<Triangle> triangles_of(const Indices& array, bool flipped) {
+    if (!flipped) return shared<Triangle>(array);
     const int32_t* t = array.data();
     std::vector<Triangle> out(static_cast<size_t>(array.size() / 3));
-    for (size_t i = 0; i < out.size(); ++i) {
-        out[i] = {uint32_t(t[3 * i]), uint32_t(t[3 * i + 1]), uint32_t(t[3 * i + 2])};
-        if (flipped) std::swap(out[i].v[1], out[i].v[2]);
-    }
+    for (size_t i = 0; i < out.size(); ++i)
+        out[i] = {uint32_t(t[3 * i]), uint32_t(t[3 * i + 2]), uint32_t(t[3 * i + 1])};
     return out;
 }
 
@@ -100,7 +107,7 @@ CornerValues corner_values(const py::handle& primvar, bool flipped) {
     CornerValues out;
     const auto values = py::cast<Floats>(primvar.attr("values"));
     out.width = values.ndim() == 1 ? 1 : static_cast<int>(values.shape(1));
-    out.values.assign(values.data(), values.data() + values.size());
+    out.values = shared<float>(values);
     const py::object corners = primvar.attr("corners");
     if (!corners.is_none()) out.corners = triangles_of(py::cast<Indices>(corners), flipped);
     return out;
@@ -161,7 +168,10 @@ Mesh make_mesh(const py::handle& source, Vec3d center, const py::dict& primvar_s
     const py::object normals = source.attr("normals");
     if (!normals.is_none()) {
         mesh.normals = corner_values(normals, flipped);
-        place_normals(m, mesh.normals.values);
+        const SharedArray<float>& values = mesh.normals.values;
+        std::vector<float> placed(values.data(), values.data() + values.size());
+        place_normals(m, placed);
+        mesh.normals.values = std::move(placed);
     }
     add_motion(source, center, mesh);
     const auto primvars = py::cast<py::dict>(source.attr("primvars"));
@@ -174,7 +184,7 @@ Mesh make_mesh(const py::handle& source, Vec3d center, const py::dict& primvar_s
     const py::object materials = source.attr("materials");
     if (py::isinstance<py::array>(materials)) {
         const auto array = py::cast<Indices>(materials);
-        mesh.triangle_materials.assign(array.data(), array.data() + array.size());
+        mesh.triangle_materials = shared<uint32_t>(array);
     } else {
         mesh.material = py::cast<uint32_t>(materials);
     }

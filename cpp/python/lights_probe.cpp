@@ -77,20 +77,24 @@ Mesh mesh_from_python(const py::handle& object) {
     const auto points = py::cast<FloatArray>(object.attr("points"));
     for (py::ssize_t i = 0; i < points.shape(0); ++i) mesh.positions.push_back(vec3(points, i));
     const auto triangles = py::cast<IndexArray>(object.attr("triangles"));
+    std::vector<Triangle> corners;
     for (py::ssize_t i = 0; i < triangles.shape(0); ++i)
-        mesh.triangles.push_back({{triangles.at(i, 0), triangles.at(i, 1), triangles.at(i, 2)}});
+        corners.push_back({{triangles.at(i, 0), triangles.at(i, 1), triangles.at(i, 2)}});
+    mesh.triangles = std::move(corners);
     if (py::isinstance<py::int_>(object.attr("materials"))) {
         mesh.material = py::cast<uint32_t>(object.attr("materials"));
     } else {
         const auto materials = py::cast<IndexArray>(object.attr("materials"));
-        mesh.triangle_materials.assign(materials.data(), materials.data() + materials.size());
+        mesh.triangle_materials =
+            std::vector<uint32_t>(materials.data(), materials.data() + materials.size());
     }
     const auto primvars = py::cast<py::dict>(object.attr("primvars"));
     if (primvars.contains("st")) {
         const auto values = py::cast<FloatArray>(primvars["st"].attr("values"));
         mesh.primvars.emplace_back();
         mesh.primvars.back().width = static_cast<int>(values.shape(1));
-        mesh.primvars.back().values.assign(values.data(), values.data() + values.size());
+        mesh.primvars.back().values =
+            std::vector<float>(values.data(), values.data() + values.size());
     }
     return mesh;
 }
