@@ -59,7 +59,7 @@ BROKEN = [
             "extra": """double3 xformOp:translate = (nan, 0, 1)
             uniform token[] xformOpOrder = ["xformOp:translate"]"""
         },
-        "/x/m: the transform is singular",
+        "/x/m: the transform is not finite",
     ),
     (
         {"extra": """uniform token[] xformOpOrder = ["nonsense"]"""},

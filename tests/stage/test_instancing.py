@@ -480,6 +480,19 @@ def test_a_prototype_that_contains_its_instancer_is_refused(read):
             rel prototypes = </x> } }""")
 
 
+@pytest.mark.parametrize("targets", ["</a>", "</b>", "</b/inner>"])
+def test_circles_of_instancers_without_instances_are_refused(read, targets):
+    """Nothing would be drawn, but USD's own bounds would never end."""
+    with pytest.raises(Error, match=r"^/.*: a prototype that contains itself$"):
+        read(f"""def PointInstancer "a" {{ int[] protoIndices = []
+                point3f[] positions = []
+                rel prototypes = {targets} }}
+            def Xform "b" {{ def PointInstancer "inner" {{
+                int[] protoIndices = []
+                rel prototypes = </a> }} }}
+            def Mesh "m" {{}}""")
+
+
 def test_a_flattened_instance_is_refused_with_its_path(read):
     with pytest.raises(Error, match="/x: the transform is singular"):
         read("""class "P" { def Cube "c" {} }

@@ -99,3 +99,14 @@ def test_widths_that_do_not_fit_are_warned_of(examine):
 def test_broken_points_name_their_path(read):
     with pytest.raises(Error, match="/p: point 0 is not finite"):
         read('def Points "p" { point3f[] points = [(0, nan, 0)] }')
+
+
+def test_points_under_a_transform_that_is_no_number_name_their_path(read):
+    extra = (
+        COLORS
+        + """
+    matrix4d xformOp:transform = ((inf, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))
+    uniform token[] xformOpOrder = ["xformOp:transform"]"""
+    )
+    with pytest.raises(Error, match=r"^/p: the transform is not finite$"):
+        read(POINTS.format(widths="[0.5, 1, 0.1]", extra=extra))

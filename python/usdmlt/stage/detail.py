@@ -84,7 +84,8 @@ class Detail:
             return length * scale / self.pixel
         at = points.astype(np.float64) @ transform[:3, :3] + transform[3, :3]
         distance = float(np.linalg.norm(at - self.eye, axis=1).min())
-        return length * scale / (self.pixel * max(distance, length * scale))
+        pixels = length * scale / (self.pixel * max(distance, length * scale))
+        return 0.0 if math.isnan(pixels) else pixels  # beyond all numbers, and not to be seen
 
     def _nearest(self, points: np.ndarray) -> np.ndarray:
         """The transform to the world in which the points look largest."""

@@ -80,6 +80,8 @@ class GeometryReader:
     ) -> Mesh | None:
         """``transform`` (4, 4): of the prim in its group."""
         prim, skin = placed.prim, None
+        if not np.isfinite(transform).all():
+            raise Error(f"{prim.GetPath()}: the transform is not finite")
         attributes = Attributes(prim, self.time, placed.names)
         detail = self.detail.placed(transform, group.placements.transforms)
         shutter = self.shutter.scaled(placed.blur)

@@ -65,7 +65,10 @@ class Instancing:
         world = Group("/")
         self.traversal.walk(world, self.stage.GetPseudoRoot().GetFilteredChildren(CHILDREN))
         self.groups.append(world)
+        checked: set[Sdf.Path] = set()
         for group in self.groups:  # grows while it is walked
+            for instancer in group.instancers:
+                refuse_circles(instancer.prim, (), checked)
             self._resolve_instances(group)
             for instancer in group.instancers:
                 self._resolve_instancer(group, instancer)
@@ -328,3 +331,22 @@ def _names_read(shader: UsdShade.Shader, time: Usd.TimeCode) -> set[str]:
             for attribute in shader_input.GetValueProducingAttributes():
                 names.add(str(attribute.Get(time)))
     return names
+
+
+def refuse_circles(
+    instancer: Usd.Prim, inside: tuple[Sdf.Path, ...], checked: set[Sdf.Path]
+) -> None:
+    """Raise :class:`Error` for a point instancer in one of its own prototypes, whether anything is
+    drawn there or not: USD would compute its bounds without end."""
+    path = instancer.GetPath()
+    if path in inside:
+        raise Error(f"{path}: a prototype that contains itself")
+    if path in checked:
+        return
+    checked.add(path)
+    everything = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
+    for target in UsdGeom.PointInstancer(instancer).GetPrototypesRel().GetForwardedTargets():
+        prototype = instancer.GetStage().GetPrimAtPath(target)
+        for prim in Usd.PrimRange(prototype, everything) if prototype else ():
+            if prim.IsA(UsdGeom.PointInstancer):
+                refuse_circles(prim, (*inside, path), checked)
