@@ -168,6 +168,7 @@ def test_texture_coordinates_span_the_unit_square(read, kind):
         'def Cube "s" { double size = 0 }',
         'def Plane "s" { double width = 0 }',
         'def Cone "s" { double radius = 0 }',
+        'def Capsule "s" { double radius = 0 }',
     ],
 )
 def test_shapes_without_extent_are_left_out_with_a_warning(examine, body):

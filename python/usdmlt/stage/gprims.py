@@ -147,7 +147,7 @@ def capsule(bottom: float, top: float, height: float) -> Shape:
     holds the other is all there is to see.
     """
     half = height / 2
-    if abs(bottom - top) >= height:
+    if abs(bottom - top) >= height or max(bottom, top) == 0:
         z = -half if bottom > top else half
         return revolve([arc(max(bottom, top), z, -np.pi / 2, np.pi / 2, ALONG)])
     latitude = np.arcsin((bottom - top) / height)
