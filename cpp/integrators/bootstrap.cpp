@@ -90,7 +90,7 @@ struct EntrySink {
         // value = w f/(q_{s,t} p_{s,t}), and w = p_{s,t}²/Σp²: q_{s,t}, of this strategy, is not q.
         const double q = split.least_survival(
             rough_vertices(sample.edges(), [&](int i) { return is_delta(sample, i); }));
-        const double of_chains = split.of_chains(sqr(w * f * survival(sample) / q) / sample.weight);
+        const double of_chains = split.of_chains(sqr(f * survival(sample) / q) / sample.weight);
         if (recorder) record(sample, sample.value * static_cast<float>((1 - of_chains) * scale));
         const double v = f * of_chains * scale;
         if (!(v > 0)) return;

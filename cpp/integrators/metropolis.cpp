@@ -13,9 +13,8 @@ constexpr int steps_per_chain = 128;
 constexpr double direct_samples_per_mutation = 1.0 / 4;
 constexpr int direct_stratified_pairs = 11;
 
-// Shares of a unit's work: the mean of the picture, and that of its larger parts, hangs on the
-// bootstrap, b.
-constexpr double bootstrap_share = 0.25, least_share_of_samples = 0.4, least_share_of_chains = 0.1;
+// Of a unit's work, where nothing is split.
+constexpr double bootstrap_share = 0.25;
 // Of chains, where units are shortened.
 constexpr double least_chains_kept = 0.25;
 // Time of a ray of bidirectional samples, many of which are shadow rays, in those of a mutation;
@@ -24,6 +23,9 @@ constexpr double cost_of_sample_rays = 0.55;
 // A reduced render is a pilot itself.
 uint32_t pilot_samples_of(const Settings& settings) { return settings.reduction > 1 ? 1024 : 4096; }
 constexpr int pilot_steps = 64;  // of as many chains as a unit has
+// Of the pilot's picture: cells, and mutations over which it is smoothed.
+constexpr double least_cells = 0x1p10, most_cells = 0x1p16, smoothed_mutations = 512;
+constexpr uint32_t direct_pilot_samples = 4096;
 constexpr uint32_t continuation_samples = 512;
 constexpr double least_continuation = 0.3;
 constexpr double photons_per_pixel = 2, least_photons = 0x1p12, most_photons = 0x1p17;
@@ -82,20 +84,38 @@ StrategyTable strategy_table(const Settings& paths, const std::vector<BootstrapE
     return StrategyTable(weights);
 }
 
-// The path traced part of the picture, a few samples per cell. Returns the rays it took.
-uint64_t add_direct_light(const Scene& scene, const MetropolisPlan& plan, uint64_t key,
-                          PathTracerScratch& scratch, CoarsePicture& picture) {
-    constexpr uint32_t samples = 4 * CoarsePicture::count;
-    UnitStatistics statistics(plan.direct.depth);
-    for (uint32_t i = 0; i < samples; ++i) {
-        Sampler sampler(key, i, 16);
-        const Vec2f raster = plan.domain.sample(sampler.next_2d());
-        float alpha;
-        const Spectrum value =
-            trace_path(scene, plan.direct, sampler, raster, scratch, statistics, alpha);
-        picture.add(raster, luminance(value) * CoarsePicture::count / samples);
+// Light of up to two edges by path tracing, as a few samples find it.
+struct DirectPilot {
+    std::vector<std::pair<Vec2f, double>> samples;  // raster, brightness
+    uint64_t rays = 0;
+
+    // At few places, or nowhere. A small hole is like that; what is seen or lit as usual is found
+    // almost everywhere.
+    bool is_rare() const {
+        constexpr size_t fewest = direct_pilot_samples / 64;
+        return size_t(std::ranges::count_if(samples, [](const auto& s) { return s.second > 0; })) <
+               fewest;
     }
-    return rays_of(statistics.rays);
+    void add_to(CoarsePicture& picture) const {
+        for (const auto& [raster, brightness] : samples)
+            picture.add(raster, brightness * double(picture.count()) / double(samples.size()));
+    }
+};
+
+DirectPilot try_direct_light(const Scene& scene, Settings direct, const RasterDomain& domain) {
+    direct.depth = std::min(direct.depth, 2);
+    DirectPilot pilot;
+    PathTracerScratch scratch;
+    UnitStatistics statistics(direct.depth);
+    for (uint32_t i = 0; i < direct_pilot_samples; ++i) {
+        Sampler sampler(unit_key(direct, 1, 5), i, 16);
+        const Vec2f raster = domain.sample(sampler.next_2d());
+        float alpha;
+        pilot.samples.emplace_back(raster, luminance(trace_path(scene, direct, sampler, raster,
+                                                                scratch, statistics, alpha)));
+    }
+    pilot.rays = rays_of(statistics.rays);
+    return pilot;
 }
 
 std::shared_ptr<const Guide> make_guide(const Scene& scene, const Settings& settings, double pixels,
@@ -117,7 +137,14 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
                                                          : settings.mutation_weights),
       pixels(scene.camera.width / settings.reduction, scene.camera.height / settings.reduction,
              settings.filter, settings.reduction) {
-    if (settings.direct_separately) {
+    DirectPilot direct_light;
+    if (settings.direct_light != DirectLight::chains) {
+        direct_light = try_direct_light(scene, settings, domain);
+        pilot_rays += direct_light.rays;
+        direct_separately =
+            settings.direct_light == DirectLight::separate || !direct_light.is_rare();
+    }
+    if (direct_separately) {
         paths.min_edges = std::max(settings.min_edges, 3);
         direct.depth = std::min(settings.depth, 2);
         direct_samples = 1;
@@ -132,7 +159,7 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
 
     RayCounters photon_rays;
     guide = make_guide(scene, settings, image_pixels, photon_rays);
-    pilot_rays = rays_of(photon_rays);
+    pilot_rays += rays_of(photon_rays);
     const uint32_t pilot_samples = pilot_samples_of(settings);
     strategies = strategy_table(paths, {});
     if (settings.selective) {
@@ -147,20 +174,21 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
     {
         // The first stage: a coarse picture by chains of the plain target, and of the rest.
         MetropolisScratch scratch(scene, *this);
-        PilotNotes notes(domain, split);
+        PilotNotes notes(domain, std::clamp(image_pixels, least_cells, most_cells), split);
         scratch.target.recorder.pilot = &notes;
         const double b = scratch.bootstrap.draw(unit_key(settings, 1, 1), pilot_samples,
                                                 scratch.statistics.bootstrap);
         if (b > 0) run_chains(scratch, chains, pilot_steps, unit_key(settings, 1, 2));
         CoarsePicture& picture = notes.picture;
         const double pilot_mutations = double(chains) * pilot_steps;
-        picture.scale(b * CoarsePicture::count / pilot_mutations);
+        picture.scale(b * double(picture.count()) / pilot_mutations);
+        if (direct_separately) direct_light.add_to(picture);
+        RayCounters seen_rays;
+        picture.smooth(seen_surfaces(scene, picture, seen_rays),
+                       smoothed_mutations * double(picture.count()) / pilot_mutations);
         const uint64_t sample_rays = rays_of(scratch.statistics.bootstrap.rays),
                        mutation_rays = rays_of(scratch.context.rays);
-        pilot_rays += sample_rays + mutation_rays;
-        if (settings.direct_separately)
-            pilot_rays +=
-                add_direct_light(scene, *this, unit_key(settings, 1, 5), scratch.path, picture);
+        pilot_rays += sample_rays + mutation_rays + rays_of(seen_rays);
         others = notes.errors(b, picture);
         if (settings.two_stage) importance = ImportanceMap(picture);
 
@@ -172,7 +200,7 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
             const PilotNotes::Plan plan = notes.plan_split(b, picture, importance, sample_cost);
             split = plan.split;
             relative_error = plan.relative_error;
-            share = std::clamp(plan.share, least_share_of_samples, 1 - least_share_of_chains);
+            share = plan.share;
         }
     }
     pixels.set_samples(work * share / sample_cost);
@@ -180,7 +208,7 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
     chains = std::max(
         1, static_cast<int>(std::lround(samples * sample_cost * (1 - share) / (share * steps))));
     work = double(mutations_per_unit()) + samples * sample_cost;
-    if (settings.direct_separately)
+    if (direct_separately)
         direct_samples = std::max(
             1, static_cast<int>(std::lround(work * direct_samples_per_mutation / samples)));
 

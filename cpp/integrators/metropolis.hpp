@@ -32,8 +32,9 @@ struct MetropolisPlan {
     // Bounds of the chains' paths; chains that have none do nothing.
     bool has_chains() const { return paths.min_edges <= paths.depth; }
 
-    Settings paths;   // of the chains and the bootstrap
-    Settings direct;  // of the path tracer's part
+    bool direct_separately = false;  // as resolved
+    Settings paths;                  // of the chains and the bootstrap
+    Settings direct;                 // of the path tracer's part
     RasterDomain domain;
     int chains, steps;       // of a unit
     int direct_samples = 0;  // path traced samples beside each of the bootstrap

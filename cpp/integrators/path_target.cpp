@@ -31,7 +31,7 @@ bool PathTarget::evaluate(State& state, int first, int last) {
         update_densities(context_.scene, state.path, first, last);
         const double q = split_.least_survival(rough_vertices(state.path));
         state.target *= split_.of_chains(
-            sqr(w / q) * usdmlt::ratio(state.target * state.target,
+            sqr(1 / q) * usdmlt::ratio(state.target * state.target,
                                        squared_strategy_densities(state.path, context_.scratch)));
     }
     return true;

@@ -9,6 +9,7 @@ namespace {
 // were measured differ by less than 20 %.
 constexpr double correlation = 10;
 constexpr double as_good = 1.02;  // errors that differ by less are the same
+constexpr double least_share_of_samples = 0.4, least_share_of_chains = 0.1;
 
 }  // namespace
 
@@ -89,7 +90,7 @@ PilotNotes::Plan PilotNotes::plan_split(double b, const CoarsePicture& finished,
         for (const Note& note : notes_) {
             const double r = sums[finished.cell(note.raster)] / mean;
             const double w = importance.weight(note.raster);
-            const double g = plan.split.of_chains(sqr(w * w) * note.r_squared);
+            const double g = plan.split.of_chains(sqr(w) * note.r_squared);
             const double worth = note.weight / (total * (r * r + 0.01));
             if (g < 1) camera += worth * sqr(1 - g) * std::sqrt(note.r_squared);
             all += worth * std::sqrt(note.r_squared);
@@ -99,8 +100,9 @@ PilotNotes::Plan PilotNotes::plan_split(double b, const CoarsePicture& finished,
         // f*/p is radiance; R is relative to the mean.
         const double root_camera = std::sqrt(camera * b * sample_cost) / mean;
         const double root_chains = std::sqrt(correlation * chains * target) * b / mean;
-        const double error = sqr(root_camera + root_chains);
-        plan.share = root_camera / (root_camera + root_chains);
+        plan.share = std::clamp(root_camera / (root_camera + root_chains), least_share_of_samples,
+                                1 - least_share_of_chains);
+        const double error = sqr(root_camera) / plan.share + sqr(root_chains) / (1 - plan.share);
         plan.relative_error = error / (all * b * sample_cost / sqr(mean));
         plans.push_back(plan);
         least = std::min(least, plan.relative_error);

@@ -16,8 +16,8 @@ namespace usdmlt {
 class PilotNotes {
 public:
     // `unsplit`: what is known of the split before it is planned.
-    PilotNotes(const RasterDomain& domain, const Split& unsplit)
-        : picture(domain), unsplit_(unsplit) {}
+    PilotNotes(const RasterDomain& domain, double cells, const Split& unsplit)
+        : picture(domain, cells), unsplit_(unsplit) {}
 
     CoarsePicture picture;
 
@@ -39,7 +39,8 @@ public:
     // equal time is least. With F = w f* g the chains' target, C the cost of a bidirectional
     // sample in mutations and W = 1 / (R² + ε), samples of each kind have errors
     //     E_B = C ∫ W ((1 − g) f)² / p,      E_M = τ ∫ F ∫ W g f*/w,
-    // and shares α, 1 − α of the work give E_B/α + E_M/(1 − α), least for α ∝ √E_B.
+    // and shares α, 1 − α of the work give E_B/α + E_M/(1 − α), least for α ∝ √E_B. Within bounds:
+    // the mean of the picture, and that of its larger parts, hangs on the samples.
     struct Plan {
         Split split;
         double share;

@@ -12,6 +12,9 @@ namespace usdmlt {
 struct LightPathAutomaton;
 
 enum class IntegratorKind : uint8_t { path, bidirectional, metropolis };
+// Who renders paths of up to two edges: path tracing alone, or what renders the others; automatic
+// is the former, unless it finds light at few places only.
+enum class DirectLight : uint8_t { automatic, separate, chains };
 
 struct Settings {
     IntegratorKind integrator = IntegratorKind::path;
@@ -27,7 +30,7 @@ struct Settings {
     int reduction = 1;  // pixels of the film are squares of so many of the camera's: for pilots
 
     // Metropolis only.
-    bool direct_separately = true;         // paths of up to two edges by path tracing alone
+    DirectLight direct_light = DirectLight::automatic;
     bool selective = true;                 // light that bidirectional samples find is left to them
     bool two_stage = true;                 // the target is divided by a coarse picture
     std::vector<double> mutation_weights;  // by mutation; empty: the pilot decides

@@ -10,12 +10,12 @@
 
 namespace usdmlt {
 
-// With r = w f*/(q p), p² = Σ_s p_s² (density under the power heuristic) and q the least survival
-// by roulette, the chains take
+// With r = f*/(q p), p² = Σ_s p_s² (density under the power heuristic) and q the least survival by
+// roulette, the chains take
 //     g = c²r² / (1 + c²r²)
 // of a path, which leaves (1 − g) r < 1/c to bidirectional path tracing: no fireflies. As f* has
-// the importance w = (R² + ε)^−¼ once, r is a sample's brightness relative to its own place, about
-// f/(q p R), by which errors are judged.
+// the importance w = (R² + ε)^−½, r is a sample's brightness relative to its own place, f/(q p R),
+// by which errors are judged.
 struct Split {
     double c_squared = std::numeric_limits<double>::infinity();  // ∞: the chains take everything
     double continuation = 1;  // of the walks of bidirectional path tracing

@@ -25,7 +25,7 @@ Settings make_settings(const Weights& mutation_weights, int depth, int min_edges
     s.min_edges = min_edges;
     s.seed = seed;
     s.filter.kind = margin ? PixelFilter::Kind::gaussian : PixelFilter::Kind::box;
-    s.direct_separately = false;
+    s.direct_light = DirectLight::chains;
     s.two_stage = two_stage;
     s.selective = selective;
     s.mutation_weights.assign(mutation_count, 0);

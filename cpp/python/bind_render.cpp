@@ -16,7 +16,7 @@ namespace {
 
 Settings make_settings(const std::string& integrator, int samples, int depth, uint64_t seed,
                        const std::string& filter, int min_edges, bool background,
-                       bool direct_separately, bool two_stage,
+                       const std::string& direct, bool two_stage,
                        const std::map<std::string, double>& mutation_weights, bool error_layer,
                        int reduction, bool selective) {
     Settings s;
@@ -37,7 +37,12 @@ Settings make_settings(const std::string& integrator, int samples, int depth, ui
     s.seed = seed;
     s.min_edges = min_edges;
     s.background = background;
-    s.direct_separately = direct_separately;
+    if (direct == "separate")
+        s.direct_light = DirectLight::separate;
+    else if (direct == "mlt")
+        s.direct_light = DirectLight::chains;
+    else if (direct != "auto")
+        throw std::invalid_argument("unknown renderer of direct light '" + direct + "'");
     s.two_stage = two_stage;
     s.error_layer = error_layer;
     s.reduction = reduction;
@@ -151,6 +156,7 @@ py::dict metropolis_stats(const Render& render) {
     out["bootstrap_samples"] = s.bootstrap_samples;
     out["bootstrap_rays"] = s.bootstrap_rays;
     out["pilot_rays"] = plan.pilot_rays;
+    out["direct"] = plan.direct_separately ? "separate" : "mlt";
     out["share_of_bidirectional_samples"] = 1 - rate(double(plan.mutations_per_unit()), plan.work);
     // Of the others, by the pilot: what `auto` decides by.
     out["error_relative_to_bdpt"] = plan.relative_error;
@@ -213,13 +219,12 @@ void bind_render(py::module_& module) {
     py::class_<Render>(module, "Render")
         .def(py::init([](std::shared_ptr<Scene> scene, const std::string& integrator, int samples,
                          int depth, uint64_t seed, const std::string& filter, int min_edges,
-                         bool background, bool direct_separately, bool two_stage,
+                         bool background, const std::string& direct, bool two_stage,
                          const std::map<std::string, double>& mutation_weights, bool error_layer,
                          int reduction, bool selective, const py::object& layers) {
-                 Settings settings =
-                     make_settings(integrator, samples, depth, seed, filter, min_edges, background,
-                                   direct_separately, two_stage, mutation_weights, error_layer,
-                                   reduction, selective);
+                 Settings settings = make_settings(
+                     integrator, samples, depth, seed, filter, min_edges, background, direct,
+                     two_stage, mutation_weights, error_layer, reduction, selective);
                  settings.layers = automaton_from_python(*scene, layers);
                  const py::gil_scoped_release release;
                  return std::make_unique<Render>(std::move(scene), settings);
@@ -227,7 +232,7 @@ void bind_render(py::module_& module) {
              py::arg("scene"), py::kw_only(), py::arg("integrator") = "path",
              py::arg("samples") = 64, py::arg("depth") = 16, py::arg("seed") = 0,
              py::arg("filter") = "gaussian", py::arg("min_edges") = 1, py::arg("background") = true,
-             py::arg("direct_separately") = true, py::arg("two_stage") = true,
+             py::arg("direct") = "auto", py::arg("two_stage") = true,
              py::arg("mutation_weights") = std::map<std::string, double>(),
              py::arg("error_layer") = true, py::arg("reduction") = 1, py::arg("selective") = true,
              py::arg("layers") = py::none())

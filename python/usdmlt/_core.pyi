@@ -51,7 +51,7 @@ class Render:
         filter: str = "gaussian",
         min_edges: int = 1,
         background: bool = True,
-        direct_separately: bool = True,
+        direct: str = "auto",
         two_stage: bool = True,
         mutation_weights: Mapping[str, float] = ...,
         error_layer: bool = True,

@@ -59,7 +59,7 @@ def plan_render(
             depth=settings.depth,
             seed=settings.seed,
             filter=settings.filter,
-            direct_separately=settings.direct_separately,
+            direct=settings.direct,
             selective=settings.selective,
             two_stage=settings.two_stage,
             mutation_weights=settings.mutation_weights or {},

@@ -57,10 +57,10 @@ class Settings:
     ``selective``: whether light that bidirectional path tracing finds is left to it, so that the
     mutations have what is hard to find alone; a part of the work goes to each, by a pilot.
     ``direct``: who renders light that is seen directly or after one bounce: path tracing alone
-    (``"separate"``), or what renders all other light (``"mlt"``); ``"auto"`` is ``"mlt"`` where
-    ``selective`` is on, else ``"separate"``.
-    ``two_stage``: whether dark parts get nearly as much work as bright ones, by a coarse picture
-    that is made first.
+    (``"separate"``), or what renders all other light (``"mlt"``); ``"auto"`` is ``"separate"``,
+    unless path tracing finds such light at few places only.
+    ``two_stage``: whether dark parts get as much work as bright ones, by a coarse picture that is
+    made first.
     """
 
     integrator: IntegratorName = "auto"
@@ -117,11 +117,6 @@ class Settings:
         """What layers read of a stage beside what materials do."""
         asked = (layer.primvar for layer in layers.resolve(self.aovs))
         return tuple(name for name in asked if name)
-
-    @property
-    def direct_separately(self) -> bool:
-        """Whether mlt leaves direct light to path tracing alone."""
-        return self.direct == "separate" or (self.direct == "auto" and not self.selective)
 
     @property
     def resolved_threads(self) -> int:

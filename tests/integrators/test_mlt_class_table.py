@@ -103,7 +103,7 @@ def test_all_classes_have_the_energy_of_both_other_methods(
 ) -> None:
     """From LE on, 24 seeds each."""
     built = build(transport_scenes.build(name))
-    settings = {"direct_separately": False, "two_stage": two_stage, "selective": selective}
+    settings = {"direct": "mlt", "two_stage": two_stage, "selective": selective}
     chains = [of_chains(built, seed, 1024, **settings) for seed in range(24)]
     compare(chains, reference(name, 24, 300_000, bidirectional=True), resolution=0.02)
     if name not in DIRAC_SUNS:

@@ -48,7 +48,7 @@ def require_student(name: str, direct: bool, seeds: int) -> None:
             samples=192,
             depth=5,
             seed=seed,
-            direct_separately=direct,
+            direct="separate" if direct else "mlt",
             two_stage=False,
             selective=False,
         )
@@ -72,7 +72,7 @@ def test_the_mean_of_the_picture_is_as_sharp_as_b() -> None:
         "mlt",
         samples=256,
         depth=5,
-        direct_separately=False,
+        direct="mlt",
         two_stage=False,
         selective=False,
     )

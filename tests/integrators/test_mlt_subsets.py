@@ -120,7 +120,7 @@ def test_stages_direct_light_and_split(two_stage: bool, direct: bool, selective:
     got = chains(
         name,
         set(MUTATIONS),
-        direct_separately=direct,
+        direct="separate" if direct else "mlt",
         two_stage=two_stage,
         selective=selective,
         filter="gaussian",
@@ -146,7 +146,7 @@ def test_every_admissible_set(name: str) -> None:
     even if it is right: pixels are judged in the average over all sets, whose seeds all differ."""
     answers, pooled = {}, 0.0
     for i, mutations in enumerate(ADMISSIBLE):
-        variant = {"direct_separately": i % 2 == 0, "two_stage": i // 2 % 2 == 0}
+        variant = {"direct": ("separate", "mlt")[i % 2], "two_stage": i // 2 % 2 == 0}
         seeds = range(16 * i, 16 * i + 16)
         got = chains(name, mutations, seeds, samples=128, **variant)
         pooled = pooled + got / len(ADMISSIBLE)

@@ -68,7 +68,7 @@ def test_a_hidden_background_is_hidden_from_the_camera_only(integrator: str) -> 
 def test_chains_do_not_see_a_hidden_background_either() -> None:
     """Between geometry there is nothing; elsewhere the same light."""
     built = build(scenes.build("dome_and_distant"))
-    settings = {"samples": 64, "direct_separately": False}
+    settings = {"samples": 64, "direct": "mlt"}
     shown = rgba(built, "mlt", **settings)
     hidden = rgba(built, "mlt", background=False, **settings)
     alpha = rgba(built, "path", samples=512, depth=1)[..., 3]

@@ -54,8 +54,16 @@ class Terminal(io.StringIO):
 def test_a_terminal_shows_bars_of_reading_and_rendering(monkeypatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     for shown, call, text in (
-        (display_reading, (1200, 4800), "25 %  1,200 of 4,800 prims read"),
-        (lambda quiet: display(Settings(), quiet), (progress(25, 100, 10.0),), "25 %  10.2 k"),
+        (
+            lambda quiet: display_reading(None, quiet),
+            (1200, 4800),
+            "25 %  1,200 of 4,800 prims read",
+        ),
+        (
+            lambda quiet: display(Settings(), None, quiet),
+            (progress(25, 100, 10.0),),
+            "25 %  10.2 k",
+        ),
     ):
         terminal = Terminal()
         monkeypatch.setattr("sys.stderr", terminal)
@@ -69,7 +77,7 @@ def test_a_terminal_shows_bars_of_reading_and_rendering(monkeypatch) -> None:
 def test_elsewhere_there_is_a_line_now_and_then(monkeypatch, caplog) -> None:
     monkeypatch.setattr("sys.stderr", io.StringIO())
     caplog.set_level(logging.INFO, "usdmlt")
-    with display_reading(quiet=False) as show:
+    with display_reading(None, quiet=False) as show:
         show(1, 4)
         assert caplog.messages == []
         monkeypatch.setattr("usdmlt.cli.progress.SECONDS_BETWEEN_LINES", 0.0)

@@ -23,7 +23,7 @@ def work(integrator: str, samples: int) -> dict[str, object]:
     """Settings that leave about as little noise as `samples` camera samples per pixel: chains need
     more mutations than that, and take paths of every length here."""
     if integrator == "mlt":
-        return {"samples": 8 * samples, "direct_separately": False}
+        return {"samples": 8 * samples, "direct": "mlt"}
     return {"samples": samples}
 
 

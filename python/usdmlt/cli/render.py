@@ -133,7 +133,7 @@ def add_parser(subparsers: Any) -> None:
         "--direct",
         choices=get_args(DirectName),
         help="who renders direct light: path tracing alone (separate), or what renders all other "
-        "light (mlt) (default: auto, mlt where --selective is on)",
+        "light (mlt) (default: auto, the former unless it finds light at few places only)",
     )
     mlt.add_argument(
         "--selective",

@@ -56,8 +56,8 @@ def load(
     of :class:`usdmlt.options.LoadOptions`: camera, frame, width, height, crop, purposes, mask,
     session_layer, variants, overrides, render_settings, render_pass, product, complexity,
     double_sided, draw_modes, default_light, domes_visible, texture_memory, search_paths, resolver,
-    primvars, color_space and strict. ``progress`` is called about ten times a second with the number of
-    prims of geometry that are read, and of all there are.
+    primvars, color_space and strict. ``progress`` is called about ten times a second with the
+    number of prims of geometry that are read, and of all there are.
 
     Content that is not supported is left out, with one warning per kind on the ``usdmlt`` logger;
     with ``strict`` it raises instead. Raises :class:`usdmlt.Error`, with the prim path or the file,
