@@ -98,11 +98,11 @@ def test_layers_sum_to_the_picture_integer_for_integer(name, integrator):
     np.testing.assert_array_equal(layered.render.image(), plain.image())
 
 
-@pytest.mark.parametrize("direct", [True, False])
+@pytest.mark.parametrize("direct", ["separate", "mlt"])
 @pytest.mark.parametrize("selective", [True, False])
 def test_all_parts_of_metropolis_light_transport_fill_layers(direct, selective):
     """Direct light by path tracing, what the split leaves to samples, splats, and chains."""
-    settings = {"samples": 32, "direct_separately": direct, "selective": selective}
+    settings = {"samples": 32, "direct": direct, "selective": selective}
     layered = Layered(scene_of("caustics"), WHOLES[1], "mlt", **settings)
     total = sum(layered.sums(name) for name in WHOLES[1])
     np.testing.assert_array_equal(total, layered.render.sums())
@@ -251,7 +251,7 @@ def test_classes_have_the_energy_of_the_paths_that_are_sampled_so(name, integrat
 def test_chains_count_the_energy_of_a_class_as_its_layer_has_it():
     scene = scene_of("pool")
     classes = ["LSE", "LSDSE", "LSDSSE"]
-    layered = Layered(scene, classes, "mlt", samples=64, direct_separately=False, selective=False)
+    layered = Layered(scene, classes, "mlt", samples=64, direct="mlt", selective=False)
     counted = layered.render.stats()["mlt"]["path_class_energy"]
     weights = np.array([0.2126, 0.7152, 0.0722])
     for name in classes:
