@@ -213,11 +213,18 @@ def test_large_pictures_are_drawn_coarsely_and_then_finished(browser: Any, tmp_p
     page = browser.new_page()
     page.goto((tmp_path / "a.html").as_uri())
     page.wait_for_selector("body[data-ready]")
-    page.evaluate("shadeAll(1); setExposure(1)")
     page.evaluate(DRAWN)
-    assert page.evaluate("[shown.width, shown.height]") == [550, 500]
-    page.evaluate("new Promise(done => setTimeout(done, 2 * DRAFT_MILLISECONDS))")
-    assert page.evaluate("[shown.width, shown.height]") == [1100, 1000]
+    steps = """new Promise(done => {
+        clearTimeout(finishing);
+        const steps = [], all = shadeAll;
+        window.shadeAll = (step) => {
+            all(step);
+            steps.push([step, shown.width, shown.height]);
+            if (step === 1) done(steps);
+        };
+        setExposure(1);
+    })"""
+    assert page.evaluate(steps) == [[2, 550, 500], [1, 1100, 1000]]
     page.close()
 
 
