@@ -83,7 +83,8 @@ def compare(
 def test_classes_have_the_energy_of_bidirectional_samples(name: str, selective: bool) -> None:
     """Three edges and more."""
     built = build(transport_scenes.build(name))
-    chains = [of_chains(built, seed, 192, selective=selective) for seed in range(16)]
+    settings = {"direct": "separate", "selective": selective}
+    chains = [of_chains(built, seed, 192, **settings) for seed in range(16)]
     other = [
         {c: e for c, e in t.items() if len(c) > 3}
         for t in reference(name, 16, 40_000, bidirectional=True)
