@@ -6,9 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Usd
 
-FOLDER = Path(__file__).parents[2] / "scenes"
+from support import eased
+from support.eased import FOLDER
+
 SCENES = sorted(path.stem for path in FOLDER.glob("*.usda"))
 
 
@@ -26,29 +28,5 @@ def scene_path(request: pytest.FixtureRequest) -> Path:
 
 @pytest.fixture
 def open_scene() -> Callable[..., Usd.Stage]:
-    """Open a scene by name.
-
-    ``changes``: values of attributes by their path; False by a prim's path leaves the prim out.
-    ``boxes``: (centre, size) of boxes to add.
-    """
-
-    def open_scene(name: str, changes: dict | None = None, boxes: tuple = ()) -> Usd.Stage:
-        stage = Usd.Stage.Open(str(FOLDER / f"{name}.usda"))
-        stage.SetEditTarget(stage.GetSessionLayer())
-        for key, value in (changes or {}).items():
-            path = Sdf.Path(key)
-            if path.IsPropertyPath():
-                attribute = stage.GetAttributeAtPath(path)
-                assert attribute, f"{name} has no {path}"
-                attribute.Set(value)
-            else:
-                assert stage.GetPrimAtPath(path), f"{name} has no {path}"
-                stage.GetPrimAtPath(path).SetActive(value)
-        for number, (centre, size) in enumerate(boxes):
-            box = UsdGeom.Cube.Define(stage, f"/World/Box{number}")
-            box.CreateSizeAttr(1.0)
-            box.AddTranslateOp().Set(centre)
-            box.AddScaleOp().Set(size)
-        return stage
-
-    return open_scene
+    """Open a scene by name, with changes."""
+    return eased.open_scene

@@ -1,49 +1,86 @@
 """How often the test of batches cries wolf: pairs of renders that differ in random numbers only.
 
-cd tests; python -m support.calibration [INTEGRATOR,... [PAIRS [SCENE...]]]
+cd tests; python -m support.calibration [KIND,… [PAIRS [SCENE…]]] [--keep FOLDER]
+
+A kind is one of KINDS, such as `mlt`, or two that are compared with each other, `path-bdpt`. With
+`_eased` a scene has the changes that make its light easier to find.
+Pictures are kept in the folder by slices, so that what was interrupted goes on.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
+from support.eased import EASED, open_scene
+from usdmlt import files
 from usdmlt.rendering import Rendering, no_warnings
 from usdmlt.settings import Settings
 from usdmlt.stage import load
 from usdmlt.testing.batches import batches_of
 from usdmlt.testing.statistics import compare_batches
 
-SCENES = Path(__file__).parents[2] / "scenes"
 NAMES = ("cornell_box", "caustics", "door_ajar", "gallery", "pool", "snow_globe")
 SIZE = {"width": 24, "height": 18}
-SAMPLES = {"path": 48, "mlt": 24}
+KINDS: dict[str, dict[str, Any]] = {
+    "path": {"integrator": "path", "samples": 48},
+    "mlt": {"integrator": "mlt", "samples": 24},
+    "chains": {"integrator": "mlt", "samples": 24, "selective": False},
+    "bdpt": {"integrator": "bdpt", "samples": 24},
+    "path1": {"integrator": "path", "samples": 24},  # per batch 1
+    "path16": {"integrator": "path", "samples": 384},
+}
+SLICE = 50
 
 
-def pairs(name: str, integrator: str, count: int, first_stream: int = 0) -> np.ndarray:
-    """(count, 2, batches, rows, columns, 4): all random numbers anew, but for the plan of mlt."""
-    scene = load(SCENES / f"{name}.usda", **SIZE)
+def pairs(name: str, kind: str, count: int, first: int = 0) -> np.ndarray:
+    """(count, 2, batches, rows, columns, 4): all random numbers anew; a pair shares its plan."""
+    shipped = name.removesuffix("_eased")
+    scene = load(open_scene(shipped, EASED[shipped] if shipped != name else None), **SIZE)
     out = []
     with no_warnings():
-        settings = Settings(integrator=integrator, samples=SAMPLES[integrator])
-        rendering = Rendering(scene, settings)
-        for pair in range(count):
-            out.append([])
-            for side in range(2):
-                stream = first_stream + 2 * pair + side
-                out[-1].append(batches_of(rendering, stream=stream).pictures)
+        for pair in range(first, first + count):
+            rendering = Rendering(scene, Settings(seed=pair, **KINDS[kind]))
+            out.append([batches_of(rendering, stream=side).pictures for side in (1, 2)])
     return np.array(out)
 
 
-def p_values(pictures: np.ndarray, **options: object) -> np.ndarray:
+def slices(name: str, kind: str, count: int, folder: Path | None) -> Iterator[np.ndarray]:
+    """The same by slices, which are read where they are kept."""
+    for first in range(0, count, SLICE):
+        path = folder and folder / f"{name}-{kind}-{first:05}.npy"
+        if path and path.exists():
+            yield np.load(path)
+            continue
+        made = pairs(name, kind, SLICE, first)
+        if path:
+            with files.replacing(path) as temporary, open(temporary, "wb") as file:
+                np.save(file, made)
+        yield made
+
+
+def p_values(pictures: np.ndarray, **options: Any) -> np.ndarray:
     """By pair."""
     return np.array([compare_batches(a, b, **options).p for a, b in pictures])
 
 
-def resampled(pictures: np.ndarray, count: int, seed: int = 1, **options: object) -> np.ndarray:
+def p_values_of(name: str, kind: str, count: int, folder: Path | None = None) -> np.ndarray:
+    """Of pairs of one kind, or of two kinds."""
+    one, _, other = kind.partition("-")
+    sliced = slices(name, one, count, folder)
+    if not other:
+        return np.concatenate([p_values(pictures) for pictures in sliced])[:count]
+    with_others = zip(sliced, slices(name, other, count, folder), strict=True)
+    unlike = (np.stack([a[:, 0], b[:, 1]], axis=1) for a, b in with_others)
+    return np.concatenate([p_values(pictures, alike=False) for pictures in unlike])[:count]
+
+
+def resampled(pictures: np.ndarray, count: int, seed: int = 1, **options: Any) -> np.ndarray:
     """p-values of pictures put together anew from all batches, none twice in a pair."""
     pool = pictures.reshape(-1, *pictures.shape[3:])
     batches = pictures.shape[2]
@@ -63,18 +100,21 @@ def interval(rate: float, count: int, confidence: float = 0.999) -> tuple[float,
 
 def main() -> None:
     """Print the table."""
-    integrators = sys.argv[1].split(",") if len(sys.argv) > 1 else SAMPLES
-    count = int(sys.argv[2]) if len(sys.argv) > 2 else 1000
-    print(
-        f"{'':<14}{'':<6}{'pairs':>6}{'KS p':>8}{'<= 5 %':>9}{'<= 1 %':>9}{'p = 1':>8}", flush=True
-    )
-    for integrator in integrators:
-        for name in sys.argv[3:] or NAMES:
-            p = p_values(pairs(name, integrator, count))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("kinds", nargs="?", default="path,mlt")
+    parser.add_argument("pairs", nargs="?", type=int, default=1000)
+    parser.add_argument("scenes", nargs="*", default=NAMES)
+    parser.add_argument("--keep", metavar="FOLDER", type=Path)
+    arguments = parser.parse_args()
+    count = arguments.pairs
+    print(f"{'':<14}{'':<14}{'pairs':>6}{'KS p':>8}{'<= 5 %':>9}{'<= 1 %':>9}{'least':>9}")
+    for kind in arguments.kinds.split(","):
+        for name in arguments.scenes:
+            p = p_values_of(name, kind, count, arguments.keep)
             ks = stats.kstest(p, "uniform").pvalue
             print(
-                f"{name:<14}{integrator:<6}{count:>6}{ks:>8.3f}{np.mean(p <= 0.05):>9.2%}"
-                f"{np.mean(p <= 0.01):>9.2%}{np.mean(p == 1):>8.2%}",
+                f"{name:<14}{kind:<14}{count:>6}{ks:>8.3f}{np.mean(p <= 0.05):>9.2%}"
+                f"{np.mean(p <= 0.01):>9.2%}{p.min():>9.1e}",
                 flush=True,
             )
 

@@ -6,6 +6,14 @@ walls. Then a quick comparison would be one of luck, so it is made with a larger
 else being equal.
 """
 
+from __future__ import annotations
+
+from pathlib import Path
+
+from pxr import Sdf, Usd, UsdGeom
+
+FOLDER = Path(__file__).parents[2] / "scenes"
+
 EASED: dict[str, dict[str, float | bool]] = {
     "cornell_box": {},
     "caustics": {"/World/Lights/Lamp.inputs:radius": 5.0},
@@ -15,3 +23,28 @@ EASED: dict[str, dict[str, float | bool]] = {
     "small_aperture": {"/World/Shutter/Left": False},  # a slit instead of a hole
     "snow_globe": {"/World/Lights/Lamp.inputs:radius": 6.0},
 }
+
+
+def open_scene(name: str, changes: dict | None = None, boxes: tuple = ()) -> Usd.Stage:
+    """Open a scene by name.
+
+    ``changes``: values of attributes by their path; False by a prim's path leaves the prim out.
+    ``boxes``: (centre, size) of boxes to add.
+    """
+    stage = Usd.Stage.Open(str(FOLDER / f"{name}.usda"))
+    stage.SetEditTarget(stage.GetSessionLayer())
+    for key, value in (changes or {}).items():
+        path = Sdf.Path(key)
+        if path.IsPropertyPath():
+            attribute = stage.GetAttributeAtPath(path)
+            assert attribute, f"{name} has no {path}"
+            attribute.Set(value)
+        else:
+            assert stage.GetPrimAtPath(path), f"{name} has no {path}"
+            stage.GetPrimAtPath(path).SetActive(value)
+    for number, (centre, size) in enumerate(boxes):
+        box = UsdGeom.Cube.Define(stage, f"/World/Box{number}")
+        box.CreateSizeAttr(1.0)
+        box.AddTranslateOp().Set(centre)
+        box.AddScaleOp().Set(size)
+    return stage

@@ -19,7 +19,8 @@ from usdmlt.image import Image
 from usdmlt.rendering import Rendering, no_warnings, read
 from usdmlt.scene import Scene
 from usdmlt.settings import Settings, merged
-from usdmlt.testing.statistics import BATCHES, LUMINANCE
+from usdmlt.testing.cells import LUMINANCE
+from usdmlt.testing.statistics import BATCHES
 
 if TYPE_CHECKING:
     from pxr import Usd

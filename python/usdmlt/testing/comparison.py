@@ -17,9 +17,11 @@ from usdmlt.image import Image
 from usdmlt.image_files import read_parts
 from usdmlt.testing import metrics, references
 from usdmlt.testing.batches import Batches, means
+from usdmlt.testing.cells import LUMINANCE
 from usdmlt.testing.error_layers import compare_errors
 from usdmlt.testing.metrics import Metrics, Thresholds
-from usdmlt.testing.statistics import LUMINANCE, SIGNIFICANCE, TOLERANCE, Outcome, compare_batches
+from usdmlt.testing.outcome import Outcome
+from usdmlt.testing.statistics import SIGNIFICANCE, TOLERANCE, compare_batches
 
 Method = Literal["same bits", "batches", "errors", "values"]
 # Settings that decide how noise is distributed.
@@ -55,7 +57,7 @@ class Comparison:
         lines = list(self.reasons)
         outcome = self.outcome
         if outcome is not None:
-            kind = "" if self.method == "batches" else "about "
+            kind = "about " if any("approximate" in note for note in self.notes) else ""
             lines.append(
                 f"p = {kind}{outcome.p:.2g} (different at {outcome.significance:g}, "
                 "the probability of a false alarm)"
@@ -130,7 +132,7 @@ def _test(
         pair, cell = _alike(reference, picture)
         if pair is not None:
             alike = same_noise(reference, picture)
-            notes = [] if alike else ["made in different ways: only means were compared"]
+            notes = [] if alike else ["made in different ways, so p is approximate"]
             outcome = compare_batches(
                 *pair, cell=cell, significance=significance, tolerance=tolerance, alike=alike
             )

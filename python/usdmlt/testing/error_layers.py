@@ -13,7 +13,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from usdmlt.testing.statistics import FAINT, SIGNIFICANCE, Finding, Outcome, halved, local_median
+from usdmlt.testing.cells import FAINT, halved, local_median
+from usdmlt.testing.outcome import Finding, Outcome
+from usdmlt.testing.statistics import SIGNIFICANCE
 
 FREEDOM = 15.0  # of an error from sixteen batches
 FEWEST_CELLS = 32  # from which a median is told
@@ -92,7 +94,7 @@ def compare_errors(
     p = float(min(1.0, np.exp(-findings[0].score)))
     return Outcome(
         p=p,
-        signs=0,
+        tried=0,
         significance=significance,
         findings=findings[:3] if p <= significance else [],
         ratio=ratio,

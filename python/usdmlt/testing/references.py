@@ -17,7 +17,7 @@ from usdmlt import exr, files, image
 from usdmlt.errors import Error
 from usdmlt.image_files import Part, write_parts
 from usdmlt.testing.batches import Batches, means
-from usdmlt.testing.statistics import LUMINANCE
+from usdmlt.testing.cells import LUMINANCE
 
 CELL = 2
 PART = exr.STATISTICS_PART
