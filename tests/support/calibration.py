@@ -22,8 +22,9 @@ from usdmlt import files
 from usdmlt.rendering import Rendering, no_warnings
 from usdmlt.settings import Settings
 from usdmlt.stage import load
+from usdmlt.testing import exchange
 from usdmlt.testing.batches import batches_of
-from usdmlt.testing.statistics import compare_batches
+from usdmlt.testing.statistics import TOLERANCE, compare_batches
 
 NAMES = ("cornell_box", "caustics", "door_ajar", "gallery", "pool", "snow_globe")
 SIZE = {"width": 24, "height": 18}
@@ -80,15 +81,16 @@ def p_values_of(name: str, kind: str, count: int, folder: Path | None = None) ->
     return np.concatenate([p_values(pictures, alike=False) for pictures in unlike])[:count]
 
 
-def resampled(pictures: np.ndarray, count: int, seed: int = 1, **options: Any) -> np.ndarray:
+def resampled(pictures: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
     """p-values of pictures put together anew from all batches, none twice in a pair."""
-    pool = pictures.reshape(-1, *pictures.shape[3:])
+    pool = pictures.reshape(-1, *pictures.shape[3:]).astype(np.float64)
     batches = pictures.shape[2]
     rng = np.random.default_rng(seed)
     out = []
     for _ in range(count):
         chosen = pool[rng.choice(len(pool), 2 * batches, replace=False)]
-        out.append(compare_batches(chosen[:batches], chosen[batches:], **options).p)
+        parts = exchange.looks(chosen[:batches], chosen[batches:], 1, TOLERANCE)
+        out.append(exchange.p_value(parts, batches)[0])
     return np.array(out)
 
 

@@ -71,6 +71,12 @@ def test_the_slider_uncovers_the_picture(page: tuple[Any, list[str]], page_file:
         return float(np.mean(pixels[..., 0] > 200)), float(np.mean(pixels[..., 2] > 200))
 
     assert shares() == pytest.approx((0.5, 0.5), abs=0.05)
+    mouse = opened.mouse
+    mouse.move(place["x"] + place["width"] / 2, place["y"] + place["height"] / 2)
+    mouse.down()
+    mouse.move(place["x"] + place["width"] / 4, place["y"] + 5)
+    mouse.up()
+    assert shares() == pytest.approx((0.25, 0.75), abs=0.05)
     for key, expected in (("End", (1.0, 0.0)), ("Home", (0.0, 1.0))):
         slider.focus()
         opened.keyboard.press(key)

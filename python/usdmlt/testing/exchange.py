@@ -19,12 +19,16 @@ ROWS = 32
 
 def weigh(a: Array, b: Array, cell: int, significance: float, tolerance: float) -> Evidence:
     """Exchange the batches of a and b."""
-    looked_at = list(parts(a, b, cell, tolerance))
-    looked_at += parts(*without_outliers(a, b), cell, tolerance, clipped=True)
-    score = float(_largest([(part, part.x) for part in looked_at], np.ones((1, len(a))))[0])
-    p, tried = _p_value(looked_at, score, len(a))
+    looked_at = looks(a, b, cell, tolerance)
+    p, tried = p_value(looked_at, len(a))
     limit = _score_at(looked_at, significance, len(a))
     return Evidence(p, tried, looked_at, limit, _least_t(significance, len(a)))
+
+
+def looks(a: Array, b: Array, cell: int, tolerance: float) -> list[Part]:
+    """Both looks at all cells, with outliers and without."""
+    whole = list(parts(a, b, cell, tolerance))
+    return [*whole, *parts(*without_outliers(a, b), cell, tolerance, clipped=True)]
 
 
 def _signs(batches: int) -> Iterator[Array]:
@@ -64,11 +68,12 @@ def _largest(cells: list[tuple[Part, Array]], signs: Array) -> Array:
     return scores
 
 
-def _p_value(parts: list[Part], score: float, batches: int) -> tuple[float, int]:
-    """Share of the sets of signs that reach the score, and how many were tried.
+def p_value(parts: list[Part], batches: int) -> tuple[float, int]:
+    """Share of the sets of signs that reach the score of what was seen, and how many were tried.
 
     Cells that cannot reach it under any signs need not be looked at.
     """
+    score = float(_largest([(part, part.x) for part in parts], np.ones((1, batches)))[0])
     able = []
     for part in parts:
         reach = np.abs(part.x).sum(axis=0)

@@ -16,6 +16,7 @@ from usdmlt.image_files import png_of
 from usdmlt.testing import metrics
 from usdmlt.testing.comparison import Comparison, detectable
 
+WIDTH = 480  # of pictures on the page, about, if they have fewer pixels
 # Of maps: black, violet, orange, pale yellow, in sRGB.
 RAMP = np.array([(0, 0, 4), (87, 16, 110), (188, 55, 84), (249, 142, 9), (252, 255, 164)])
 
@@ -66,28 +67,38 @@ def section(entry: Entry) -> str:
         f"<dt>{html.escape(what)}</dt><dd><code>{html.escape(command)}</code></dd>"
         for what, command in entry.commands.items()
     )
+    zoom = _zoom(a.width)
+    size = f'style="width:{zoom * a.width}px;aspect-ratio:{a.width}/{a.height}"'
     maps = "".join(
-        f'<figure><img src="{source}" alt="{html.escape(name)}" width="{a.width}" '
-        f'height="{a.height}"><figcaption>{html.escape(name)}</figcaption></figure>'
+        f'<figure><img src="{source}" alt="{html.escape(name)}" {size}>'
+        f"<figcaption>{html.escape(name)}</figcaption></figure>"
         for name, source in _maps(result).items()
     )
     shown = f", shown at {exposure:.3g} times their brightness" if exposure != 1 else ""
     return f"""<section class="{"different" if result.different else "same"}">
 <h2>{html.escape(entry.name)} <small>{verdict}</small></h2>
 <ul>{lines}</ul>
+<div class="pictures">
 <figure>
-<div class="slider" style="width:{a.width}px;height:{a.height}px">
-<img src="{shown_as[0]}" alt="reference" width="{a.width}" height="{a.height}">
-<img class="over" src="{shown_as[1]}" alt="picture" width="{a.width}" height="{a.height}">
+<div class="slider" {size}>
+<img src="{shown_as[0]}" alt="reference">
+<img class="over" src="{shown_as[1]}" alt="picture">
+<span class="line"></span>
+<input type="range" min="0" max="100" step="any" value="50"
+ aria-label="from reference to picture">
 </div>
-<input type="range" min="0" max="100" value="50" aria-label="from reference to picture"
- style="width:{a.width}px">
-<figcaption>left of the line the picture, right of it the reference{shown}</figcaption>
+<figcaption><span>picture</span><span>drag the line{shown}</span><span>reference</span></figcaption>
 </figure>
-<div class="maps">{maps}</div>
-{_tables(result)}
+{maps}
+</div>
 <dl>{commands}</dl>
+{_tables(result)}
 </section>"""
+
+
+def _zoom(width: int) -> int:
+    """Of small pictures, so that their pixels are seen."""
+    return max(WIDTH // width, 1)
 
 
 def _exposure(picture: Image) -> float:
@@ -103,7 +114,11 @@ def _maps(result: Comparison) -> dict[str, str]:
     change = (b - a).mean(axis=-1)
     scale = float(np.quantile(np.abs(a), 0.9)) or float(np.abs(change).max()) or 1.0
     red_blue = np.clip(0.5 + np.stack([change, 0 * change, -change], axis=-1) / scale, 0, 1)
-    maps = {"difference: red brighter, blue darker": _png((255 * red_blue).astype(np.uint8))}
+    maps = {
+        "difference: orange where brighter, blue where darker": _png(
+            (255 * red_blue).astype(np.uint8)
+        )
+    }
     if result.outcome is not None:
         significance = result.outcome.map
         size = -(-a.shape[0] // significance.shape[0])
@@ -159,28 +174,42 @@ def _png(pixels: npt.NDArray[np.uint8]) -> str:
 
 
 STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; margin: 2em; max-width: 80em; color: #222; }
-section { border-left: 5px solid #2a7; padding: 0 1.2em 1em; margin: 2em 0; }
-section.different { border-color: #c33; }
-h2 small { font-weight: normal; color: #777; }
-figure { display: inline-block; margin: 0 1em 1em 0; }
-figcaption { color: #666; font-size: 13px; }
-.slider { position: relative; overflow: hidden; }
-.slider img { position: absolute; inset: 0; image-rendering: pixelated; }
-.slider .over { clip-path: inset(0 50% 0 0); }
-.maps img { image-rendering: pixelated; }
-input[type=range] { display: block; margin: 4px 0; }
-table { border-collapse: collapse; margin: .5em 0; }
+:root { color-scheme: light dark; --faint: light-dark(#666, #aaa); }
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 1100px; padding: 0 1em;
+  color: light-dark(#222, #ddd); background: light-dark(#fff, #1c1c1c); }
+h1 { font-size: 1.4em; }
+h2 { font-size: 1.2em; overflow-wrap: anywhere; }
+h2 small { font-weight: 600; font-size: .75em; color: #fff; background: #287a4b; padding: 2px 8px;
+  border-radius: 9px; margin-left: .4em; }
+.different h2 small { background: #c0362c; }
+section { border-top: 1px solid light-dark(#ddd, #444); margin: 2em 0; padding-top: .5em; }
+ul { padding-left: 1.2em; }
+.pictures { display: flex; flex-wrap: wrap; gap: 18px; }
+figure { margin: 0; max-width: 100%; }
+figure > img, .slider { display: block; max-width: 100%; image-rendering: pixelated; }
+figcaption { color: var(--faint); font-size: 13px; display: flex; justify-content: space-between; }
+.slider { position: relative; overflow: hidden; --at: 50%; }
+.slider img { position: absolute; inset: 0; width: 100%; height: 100%;
+  image-rendering: pixelated; }
+.slider .over { clip-path: inset(0 calc(100% - var(--at)) 0 0); }
+.slider .line { position: absolute; inset: 0 auto 0 var(--at); width: 2px; margin-left: -1px;
+  background: #fff; box-shadow: 0 0 3px #000; }
+.slider input { position: absolute; inset: 0; width: 100%; height: 100%; margin: 0; opacity: 0;
+  cursor: ew-resize; }
+.slider:focus-within { outline: 2px solid #48f; outline-offset: 2px; }
+table { border-collapse: collapse; margin: .5em 0; font-variant-numeric: tabular-nums; }
 th { text-align: left; font-weight: 600; }
-th, td { padding: 1px 1.2em 1px 0; vertical-align: top; }
-code { background: #f2f2f2; padding: 2px 5px; }
+th, td { padding: 1px 1.2em 1px 0; vertical-align: top; overflow-wrap: anywhere; }
+dl { display: grid; grid-template-columns: auto 1fr; gap: 4px 1.2em; margin: 1em 0; }
+dt { font-weight: 600; }
+dd { margin: 0; }
+code { background: light-dark(#f2f2f2, #333); padding: 2px 5px; user-select: all; }
 """
 
 SCRIPT = """
 for (const range of document.querySelectorAll("input[type=range]")) {
-  const over = range.parentElement.querySelector(".over");
-  range.addEventListener("input", () => {
-    over.style.clipPath = `inset(0 ${100 - range.value}% 0 0)`;
-  });
+  const show = () => range.parentElement.style.setProperty("--at", range.value + "%");
+  range.addEventListener("input", show);
+  show(); // what a browser kept from before
 }
 """
