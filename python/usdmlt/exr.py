@@ -29,6 +29,7 @@ HALF_MAX = 65504.0
 PixelType = Literal["half", "float"]
 STATISTICS_PART = "batches"  # of a reference picture: no layer
 FIRST_PART = "picture"
+SHARED = ("chromaticities", "PixelAspectRatio", "framesPerSecond")  # of all parts of a file
 
 # Attributes that EXR and OpenImageIO define, by their names in Image.metadata; all others are
 # written as usdmlt:NAME.
@@ -95,8 +96,7 @@ def parts(image: Image, how: Format | None = None) -> list[Part]:
     attributes, window = _attributes(image, how), image.metadata.get("data_window")
     if apart:
         attributes["oiio:subimagename"] = FIRST_PART
-    shared = ("chromaticities", "PixelAspectRatio", "framesPerSecond")
-    common = {name: attributes[name] for name in shared if name in attributes}
+    common = {name: attributes[name] for name in SHARED if name in attributes}
     result = [Part(first, attributes, window)]
     for layer, pixels in others:
         if layer in apart:

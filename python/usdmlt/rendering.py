@@ -124,7 +124,7 @@ class Rendering:
         ``previews`` are shown the picture so far, each in its time, which does not count.
         Returns whether all units are done.
         """
-        self._see_surfaces(stop)
+        self.see_surfaces(stop)
         last = self.units_total if until is None else min(until, self.units_total)
         seconds, limit = 0.0, self.settings.time
         while True:
@@ -183,7 +183,7 @@ class Rendering:
         for layer in self.layers:
             if layer.shows == "sampleCount":
                 image.channels[layer.name] = self._render.sample_counts()
-        surfaces = self._see_surfaces()
+        surfaces = self.see_surfaces()
         image.channels |= surfaces.channels
         image.metadata |= surfaces.metadata
         image.layers = {layer.name: layer for layer in self.layers} | surfaces.layers
@@ -192,7 +192,7 @@ class Rendering:
         _warn(stats)
         return image
 
-    def _see_surfaces(self, stop: Callable[[], bool] | None = None) -> SurfaceLayers:
+    def see_surfaces(self, stop: Callable[[], bool] | None = None) -> SurfaceLayers:
         """The layers of surfaces, by a pass that is made once, however much is rendered."""
         if self._surfaces is None:
             self._surfaces = surface_layers(

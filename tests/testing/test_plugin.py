@@ -115,6 +115,34 @@ def test_other(assert_render):
     assert [p.name for p in (referenced.path / "out").iterdir()] == ["index.html"]
 
 
+def test_layers_of_surfaces_are_kept_and_met_bit_for_bit(project: pytest.Pytester) -> None:
+    """A block that is moved by less than noise tells is seen in the depths."""
+    check = """
+def test_box(assert_render, usd_render):
+    changed = stage()
+    block = changed.GetPrimAtPath("/World/ShortBlock")
+    points = block.GetAttribute("points")
+    points.Set([(x, y, z - MOVED) for x, y, z in points.Get()])
+    assert_render(usd_render(changed, stream=int(MOVED > 0), aovs=("Z", "objectId"), **OPTIONS))
+"""
+    write(project, "MOVED = 0.0\n" + check)
+    run(project, "--usdmlt-update").assert_outcomes(passed=1)
+    run(project).assert_outcomes(passed=1)
+    write(project, "MOVED = 0.01\n" + check)
+    result = run(project)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["  the layer Z differs in * of 1024 pixels"])
+    result.stdout.no_fnmatch_line("*brightness*pixels*")
+
+
+def test_layers_of_light_paths_are_refused(project: pytest.Pytester) -> None:
+    write(project, CHECK.replace("**OPTIONS", 'aovs="direct", **OPTIONS'))
+    result = run(project)
+    result.assert_outcomes(failed=1)
+    result = run(project, "--usdmlt-update")
+    result.stdout.fnmatch_lines(["*layers of light paths are no part of checks: direct"])
+
+
 def test_a_change_that_does_not_show_passes(referenced: pytest.Pytester) -> None:
     """The bits differ, as a box far behind the camera takes other random numbers' places."""
     write(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from usdmlt import native
+from usdmlt import layers, native
 from usdmlt._version import __version__
 from usdmlt.errors import UsageError
 from usdmlt.image import Image
@@ -24,6 +24,9 @@ from usdmlt.testing.statistics import BATCHES
 
 if TYPE_CHECKING:
     from pxr import Usd
+
+
+SURFACES = ("centre", "average")  # sources of layers
 
 
 @dataclass(repr=False)
@@ -75,12 +78,16 @@ def render_batches(
     ``options``: those of :func:`usdmlt.render` but for ``time``; ``samples`` are those of all
     batches together, at least one per batch. Of mlt a batch has one camera sample in every pixel at
     least, so there may be more. ``stream``: another set of random numbers for all but the plan;
-    pictures of different streams are independent of each other.
+    pictures of different streams are independent of each other. ``aovs``: layers of surfaces, which
+    have no noise.
     """
     if options.get("time") is not None:
         raise UsageError("a picture of independent batches has a number of samples, not a time")
     scene, given, reading = read(stage, options)
-    asked = {name: value for name, value in scene.settings.items() if name != "time"}
+    asked = {k: v for k, v in scene.settings.items() if k not in ("time", "aovs")}
+    noisy = [x.name for x in layers.resolve(given.get("aovs", ())) if x.source not in SURFACES]
+    if noisy:
+        raise UsageError(f"layers of light paths are no part of checks: {', '.join(noisy)}")
     image = batches_of(Rendering(scene, merged(asked, given)), batches, stream)
     image.made["options"] = reading
     image.made["stage_hash"] = "" if isinstance(stage, Scene) else stage_hash(stage)
@@ -109,13 +116,15 @@ def batches_of(rendering: Rendering, batches: int = BATCHES, stream: int = 0) ->
     mean = pictures.mean(axis=0, dtype=np.float64).astype(np.float32)
     seconds = perf_counter() - started
     spent = sum(i.stats["samples_per_pixel"] for i in images)
-    first = images[0]
+    first, surfaces = images[0], rendering.see_surfaces()
     return Batches(
         channels={
             "color": mean[..., :3],
             "alpha": mean[..., 3],
             "error": standard_error(pictures),
+            **surfaces.channels,
         },
+        layers=surfaces.layers,
         color_space=rendering.scene.color_space,
         stats=first.stats
         | {
@@ -124,6 +133,7 @@ def batches_of(rendering: Rendering, batches: int = BATCHES, stream: int = 0) ->
             "rays": sum(i.stats["rays"] for i in images),
         },
         metadata=first.metadata
+        | surfaces.metadata
         | {
             "mutations" if rendering.integrator == "mlt" else "samples": spent,
             "units": sum(i.stats["units_done"] for i in images),
@@ -151,6 +161,8 @@ def _lasting(settings: Settings, integrator: str) -> dict[str, Any]:
     }
     for name in ("threads", "time", "error", "aovs"):
         del kept[name]
+    if settings.aovs:
+        kept["aovs"] = [layer.name for layer in layers.resolve(settings.aovs)]
     return kept
 
 

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from usdmlt import image
+from usdmlt import exr, image, layers
 from usdmlt.errors import Error, UsageError
 from usdmlt.image import Image
 from usdmlt.image_files import read_parts
@@ -97,7 +97,9 @@ def compare(
 
     With batches, or error layers, on both sides a statistical test decides; without, the values
     have to agree within ``thresholds``, which are OpenImageIO's by default. ``thresholds`` and
-    ``flip``, the largest mean FLIP, decide as well where they are given.
+    ``flip``, the largest mean FLIP, decide as well where they are given. Layers beside the picture
+    and its error (depth, normals, ids) have to be there in both and the same, bit for bit; those
+    of light paths where the picture is.
     """
     if picture["color"].shape != reference["color"].shape:
         sizes = [f"{x.width}x{x.height}" for x in (reference, picture)]
@@ -120,6 +122,7 @@ def compare(
         _by_thresholds(result, thresholds or Thresholds())
     if flip is not None:
         _by_flip(result, flip)
+    _by_layers(result)
     return result
 
 
@@ -202,6 +205,45 @@ def _by_flip(result: Comparison, most: float) -> None:
         result.reasons.append(f"FLIP is {result.metrics.flip:.4f}, more than {most:g}")
 
 
+def _by_layers(result: Comparison) -> None:
+    one, other = result.reference, result.picture
+    noisy: list[str] = []
+    for name in sorted((one.channels.keys() | other.channels.keys()) - set(layers.ALWAYS)):
+        if name not in one.channels or name not in other.channels:
+            where = "reference" if name in one.channels else "picture"
+            result.reasons.append(f"only the {where} has the layer {name}")
+            continue
+        layer = one.layer(name)
+        a, b = (_as_in_a_file(x[name], layer) for x in (one, other))
+        if a.shape != b.shape:
+            result.reasons.append(f"the layer {name} is {a.shape} and {b.shape}")
+            continue
+        unequal = ~((a == b) | ((a != a) & (b != b)))
+        count = int(np.count_nonzero(unequal if a.ndim == 2 else unequal.any(axis=-1)))
+        if count and result.method != "same bits" and _is_noisy(layer, one, other):
+            noisy.append(name)
+        elif count:
+            pixels = one.width * one.height
+            result.reasons.append(f"the layer {name} differs in {count} of {pixels} pixels")
+    if noisy:
+        result.notes.append(f"not compared, as their noise is not known: {', '.join(noisy)}")
+
+
+def _as_in_a_file(pixels: npt.NDArray[Any], layer: layers.Layer) -> npt.NDArray[Any]:
+    """Rounded to halves where files do that: a reference comes from one."""
+    if not layer.half or pixels.dtype == np.float16:
+        return pixels
+    return np.asarray(np.clip(pixels, -exr.HALF_MAX, exr.HALF_MAX), np.float16)
+
+
+def _is_noisy(layer: layers.Layer, *pictures: Image) -> bool:
+    """Whether it is a layer of light paths, or counts their samples."""
+    stems = {"sampleCount"}
+    for picture in pictures:
+        stems |= json.loads(picture.metadata.get("light_paths", "{}")).keys()
+    return layer.source == "paths" or layer.stem in stems
+
+
 def _rgba(picture: Image) -> npt.NDArray[np.float32]:
     return np.concatenate([picture["color"], picture["alpha"][..., None]], axis=-1)
 
@@ -215,42 +257,13 @@ def compare_files(
 ) -> Comparison:
     """Compare two EXRs, with :func:`compare`'s options.
 
-    Layers beside the picture, its error and its batches (depth, normals, ids) have to be there in
-    both and the same, bit for bit; those of light paths where the picture is.
     :class:`usdmlt.Error` for what cannot be read.
     """
-    one, one_layers = read(reference)
-    other, other_layers = read(picture)
-    result = compare(one, other, **options)
-    noisy: set[str] = set()
-    for name in sorted(one_layers.keys() | other_layers.keys()):
-        if name not in one_layers or name not in other_layers:
-            where = reference if name in one_layers else picture
-            result.reasons.append(f"only {os.fspath(where)} has the layer {name}")
-            continue
-        a, b = one_layers[name], other_layers[name]
-        unequal = int(np.count_nonzero(~((a == b) | (np.isnan(a) & np.isnan(b)))))
-        if unequal and result.method != "same bits" and _is_noisy(name, one, other):
-            noisy.add(name.partition(".")[0])
-        elif unequal:
-            result.reasons.append(f"the layer {name} differs in {unequal} of {a.size} pixels")
-    if noisy:
-        result.notes.append(
-            f"not compared, as their noise is not known: {', '.join(sorted(noisy))}"
-        )
-    return result
+    return compare(read(reference), read(picture), **options)
 
 
-def _is_noisy(channel: str, *pictures: Image) -> bool:
-    """Whether it is a layer of light paths, or counts their samples."""
-    stems = {"sampleCount"}
-    for picture in pictures:
-        stems |= json.loads(picture.metadata.get("light_paths", "{}")).keys()
-    return channel.partition(".")[0] in stems
-
-
-def read(path: str | os.PathLike[str]) -> tuple[Image, dict[str, npt.NDArray[np.float32]]]:
-    """A picture, with its batches if it has any, and its other layers by name.
+def read(path: str | os.PathLike[str]) -> Image:
+    """A picture with its layers, and with its batches if it has any.
 
     Without R, G, B what is called Y, or the first channel there is, stands for all three.
     """
@@ -258,15 +271,10 @@ def read(path: str | os.PathLike[str]) -> tuple[Image, dict[str, npt.NDArray[np.
         _, channels = next(read_parts(path))
     except OSError as error:
         raise Error(f"cannot read {path}: {error}") from None
-    layers = {name: channel.astype(np.float32) for name, channel in channels.items()}
-    if {"R", "G", "B"} <= layers.keys():
+    if {"R", "G", "B"} <= channels.keys():
         picture = image.read(path)
-        used = {"R", "G", "B", "A", "error.Y"}
         batches = references.read_batches(path, picture)
-        picture = picture if batches is None else batches
-    else:
-        grey = "Y" if "Y" in layers else next(iter(layers))
-        alpha = layers.get("A", np.ones_like(layers[grey]))
-        picture = Image({"color": np.dstack([layers[grey]] * 3), "alpha": alpha})
-        used = {grey, "A"}
-    return picture, {name: layer for name, layer in layers.items() if name not in used}
+        return picture if batches is None else batches
+    grey = channels.pop("Y" if "Y" in channels else next(iter(channels))).astype(np.float32)
+    alpha = channels.pop("A", np.ones_like(grey)).astype(np.float32)
+    return Image({"color": np.dstack([grey] * 3), "alpha": alpha} | channels)

@@ -1,6 +1,6 @@
 """Reference pictures: EXR files that know how noisy they are, and how they were made.
 
-The first part is the picture as :meth:`usdmlt.Image.write` writes it. The second, ``batches``, has
+The first part is the picture as :meth:`usdmlt.Image.write` writes it. The last, ``batches``, has
 the independent batches it is the mean of, as half floats: channel ``03.R`` is red of the fourth.
 Its pixels are means over ``usdmlt:cell`` pixels squared, divided by ``usdmlt:scale``.
 """
@@ -37,12 +37,12 @@ def write(path: str | os.PathLike[str], batches: Batches, cell: int = CELL) -> N
         for k, picture in enumerate(stored)
         for c, name in enumerate(CHANNELS)
     }
-    first = exr.parts(batches)[0]
+    first, *ids = exr.parts(batches)
     first.attributes["oiio:subimagename"] = exr.FIRST_PART
-    attributes = {
+    attributes = {name: first.attributes[name] for name in exr.SHARED if name in first.attributes}
+    attributes |= {
         "oiio:subimagename": PART,
         "compression": "zip",
-        "chromaticities": first.attributes["chromaticities"],  # all parts of a file share these
         "usdmlt:cell": cell,
         "usdmlt:scale": float(scale),
         "usdmlt:bits": batches.bits,
@@ -51,7 +51,7 @@ def write(path: str | os.PathLike[str], batches: Batches, cell: int = CELL) -> N
     whole = {"x": 0, "y": 0, "full_width": batches.width, "full_height": batches.height}
     window = first.data_window or whole  # and this one
     with files.replacing(path) as temporary:
-        write_parts(temporary, [first, Part(channels, attributes, window)])
+        write_parts(temporary, [first, *ids, Part(channels, attributes, window)])
 
 
 def read(path: str | os.PathLike[str]) -> Batches:
