@@ -87,7 +87,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
                     const double direct = pdf_direct(scene.lights, v->light, previous->position);
                     value *= static_cast<float>(1 / (1 + squared_ratio(direct, p)));
                 }
-                if (record(value, k))
+                if (record(value, k)) [[unlikely]]
                     layers->classes.end(*v, *previous, -ray.direction, value, layers->sample);
             }
         }
@@ -98,7 +98,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         sampler.seek(pair + light_pair);
         if (v->closure.has_non_delta && k + 1 >= settings.min_edges) {
             const Spectrum value = direct_light(scene, sampler, *v, *previous, x0, statistics.rays);
-            if (record(value, k + 1)) {
+            if (record(value, k + 1)) [[unlikely]] {
                 const Vec3f from_light = direction_to(x0, *v);
                 layers->classes.scatter_and_end(
                     scattering_event(*v, -from_light, v->to_previous, non_delta), x0, *v,
@@ -113,7 +113,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         ClosureSample sample;
         if (!v->closure.sample(-ray.direction, Known::eye, choice.x, u, sample)) break;
         v->component = sample.component;
-        if (layers)
+        if (layers) [[unlikely]]
             layers->classes.scatter(
                 scattering_event(*v, sample.direction, v->to_previous, sample.component));
         throughput *= sampling_weight(*v, -ray.direction, Known::eye, sample);
