@@ -187,6 +187,8 @@ def test_the_stage_names_its_render_settings(read):
     [
         ("float focalLength = 0", "/c: the camera's focalLength"),
         ("float horizontalAperture = -1", "/c: the camera's apertures"),
+        ("float verticalApertureOffset = -1e30", "/c: the camera's apertures are nothing"),
+        ("float horizontalApertureOffset = 3e9", "/c: the camera's apertures are nothing"),
         ("float verticalAperture = nan", "/c: verticalAperture is nan"),
         (
             'float3 xformOp:scale = (0, 1, 1)\nuniform token[] xformOpOrder = ["xformOp:scale"]',

@@ -112,6 +112,10 @@ def read_camera(
         (shift_y - height / 2) * scale,
         (shift_y + height / 2) * scale,
     )
+    # In the core's precision too: an offset may leave nothing of an aperture.
+    left, right, bottom, top = np.array(window, dtype=np.float32)
+    if not (right > left and top > bottom and np.isfinite([right, top]).all()):
+        raise Error(f"{path}: the camera's apertures are nothing beside their offsets")
 
     f_stop = number(camera.GetFStopAttr())
     focus_distance = number(camera.GetFocusDistanceAttr())
