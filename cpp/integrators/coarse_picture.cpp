@@ -1,12 +1,11 @@
 #include "integrators/coarse_picture.hpp"
 
-#include "film/pixel_filter.hpp"
+#include <cmath>
 
 namespace usdmlt {
 namespace {
 
 constexpr float least_albedo = 0.01f;
-constexpr float normal_exponent = 16;
 // Sine of the angle between a surface and the line to a point that is still on it, roughly.
 constexpr float tilt_of_surface = 0.2f;
 
@@ -22,14 +21,7 @@ float similarity(const SeenSurface& a, const SeenSurface& b) {
     const float d2 = length_squared(between);
     const float tilt2 = d2 > 0 ? sqr(off / tilt_of_surface) / d2 : 0;
     const float ratio = std::min(a.albedo, b.albedo) / std::max(a.albedo, b.albedo);
-    return std::pow(cosine, normal_exponent) * std::exp(-tilt2) * ratio;
-}
-
-float rough_albedo(const Closure& closure) {
-    float sum = 0;
-    for (int i = 0; i < closure.lobe_count; ++i)
-        sum += closure.lobes[i].coverage * luminance(closure.lobes[i].weight);
-    return std::clamp(sum, least_albedo, 1.0f);
+    return sqr(sqr(sqr(sqr(cosine)))) * std::exp(-tilt2) * ratio;
 }
 
 }  // namespace
@@ -59,10 +51,11 @@ void CoarsePicture::smooth(const std::vector<SeenSurface>& seen, double cells) {
                         const size_t there = size_t(j) * size_t(across_) + size_t(i);
                         const double weight = spline[std::abs(dx)] * spline[std::abs(dy)] *
                                               similarity(seen[here], seen[there]);
+                        if (!(weight > 0)) continue;
                         sum += weight * sums_[there];
                         total += weight;
                     }
-                smoothed[here] = sum / total;
+                smoothed[here] = total > 0 ? sum / total : sums_[here];
             }
         sums_.swap(smoothed);
     }
@@ -81,7 +74,8 @@ std::vector<SeenSurface> seen_surfaces(const Scene& scene, const CoarsePicture& 
         const Ray ray = camera_ray(camera, picture.center(i), lens, 0);
         if (!trace_vertex(scene, ray, Known::eye, false, random, rays, v, edge)) continue;
         const bool front = dot(v.normal, ray.direction) < 0;
-        seen[i] = {v.position, front ? v.normal : -v.normal, rough_albedo(v.closure)};
+        seen[i] = {v.position, front ? v.normal : -v.normal,
+                   std::clamp(luminance(v.closure.albedo(-ray.direction)), least_albedo, 1.0f)};
     }
     return seen;
 }

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 #include <vector>
 
@@ -24,8 +23,6 @@ public:
     CoarsePicture(const RasterDomain& domain, double most_cells);
 
     size_t count() const { return sums_.size(); }
-    int across() const { return across_; }
-    int down() const { return down_; }
     size_t cell(Vec2f raster) const {
         const auto index = [](float x, int n) { return std::clamp(static_cast<int>(x), 0, n - 1); };
         return size_t(index((raster.y - lower_.y) * scale_.y, down_)) * size_t(across_) +

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -56,20 +55,6 @@ def test_the_page_names_no_address_and_escapes_what_it_says(picture: Path) -> No
     assert "<title>shot &amp; &lt;more&gt;.exr</title>" in text
     assert "</script><b>" not in text
     assert not re.findall(r"(?:src|href)=", text)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    browser_path = shutil.which("chromium") or shutil.which("chromium-browser")
-    if browser_path is None:
-        pytest.skip("chromium is not installed")
-    with sync_api.sync_playwright() as playwright:
-        launched = playwright.chromium.launch(
-            executable_path=browser_path, args=["--no-sandbox"], headless=True
-        )
-        yield launched
-        launched.close()
 
 
 @pytest.fixture(scope="module")

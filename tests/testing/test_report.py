@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -39,23 +38,15 @@ def test_the_page_names_no_address(page_file: Path) -> None:
 
 
 @pytest.fixture
-def page(page_file: Path) -> Iterator[tuple[Any, list[str]]]:
+def page(browser: Any, page_file: Path) -> Iterator[tuple[Any, list[str]]]:
     """The page as the browser has it, and what it asked for."""
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    browser_path = shutil.which("chromium") or shutil.which("chromium-browser")
-    if browser_path is None:
-        pytest.skip("chromium is not installed")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=browser_path, args=["--no-sandbox"], headless=True
-        )
-        opened = browser.new_page()
-        asked: list[str] = []
-        opened.on("request", lambda request: asked.append(request.url))
-        opened.on("pageerror", lambda error: asked.append(f"error: {error}"))
-        opened.goto(page_file.as_uri())
-        yield opened, asked
-        browser.close()
+    opened = browser.new_page()
+    asked: list[str] = []
+    opened.on("request", lambda request: asked.append(request.url))
+    opened.on("pageerror", lambda error: asked.append(f"error: {error}"))
+    opened.goto(page_file.as_uri())
+    yield opened, asked
+    opened.close()
 
 
 def test_the_slider_uncovers_the_picture(page: tuple[Any, list[str]], page_file: Path) -> None:
