@@ -10,7 +10,7 @@ namespace {
 constexpr double least_work = 0x1p13, most_work = 0x1p17, work_per_pixel = 4;
 constexpr int steps_per_chain = 128;
 // Camera samples of light that is path traced alone, per mutation.
-constexpr double direct_samples_per_mutation = 1.0 / 4;
+constexpr double direct_samples_per_mutation = 1.0 / 2;
 constexpr int direct_stratified_pairs = 11;
 
 // Of a unit's work, where nothing is split.

@@ -1,5 +1,7 @@
 #include "integrators/path_tracer.hpp"
 
+#include <algorithm>
+
 #include "paths/connect.hpp"
 #include "paths/densities.hpp"
 #include "paths/emission.hpp"
@@ -34,6 +36,11 @@ Spectrum direct_light(const Scene& scene, Sampler& sampler, const SubpathVertex&
     return value * static_cast<float>(edge.transmittance / (1 + other));
 }
 
+bool has_dirac(const Closure& closure) {
+    return std::any_of(closure.lobes, closure.lobes + closure.lobe_count,
+                       [](const Lobe& lobe) { return lobe.delta; });
+}
+
 }  // namespace
 
 Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampler, Vec2f raster,
@@ -65,8 +72,9 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         statistics.energy[static_cast<size_t>(edges)] += luminance(value);
         return layers && !is_black(value);
     };
-    for (int k = 1; k <= settings.depth; ++k) {
-        const int pair = first_pair + (k - 1) * bounce_pairs;
+    // Follows the ray, k-th edge of the path, to v; false where it meets nothing. What v emits goes
+    // to `end`, with all that scattering does to it on its way to the eye.
+    const auto follow = [&](const Spectrum& weight, int k, const auto& end) {
         Hit hit;
         if (trace(scene, ray, Known::eye, sampler.stream(), statistics.rays, hit, v->opacity,
                   v->edge)) {
@@ -74,23 +82,28 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             if (k == 1) alpha = 1;
         } else {
             LightPoint point;
-            if (!environment_point(scene.lights, ray.direction, time, point)) break;
-            if (k == 1 && !settings.background) break;
+            if (!environment_point(scene.lights, ray.direction, time, point)) return false;
+            if (k == 1 && !settings.background) return false;
             light_vertex(scene, point, time, *v);
         }
-        if (v->is_light && k >= settings.min_edges) {
-            Spectrum value = throughput * emission(scene, *v, *previous, -ray.direction);
-            if (!is_black(value)) {
-                if (k > 1 && previous->component == non_delta) {
-                    const double p =
-                        area_density(pdf, *previous, *v, ray.direction) * v->edge.from_eye;
-                    const double direct = pdf_direct(scene.lights, v->light, previous->position);
-                    value *= static_cast<float>(1 / (1 + squared_ratio(direct, p)));
-                }
-                if (record(value, k)) [[unlikely]]
-                    layers->classes.end(*v, *previous, -ray.direction, value, layers->sample);
-            }
+        if (!v->is_light || k < settings.min_edges) return true;
+        Spectrum value = weight * emission(scene, *v, *previous, -ray.direction);
+        if (is_black(value)) return true;
+        if (k > 1 && previous->component == non_delta) {
+            const double p = area_density(pdf, *previous, *v, ray.direction) * v->edge.from_eye;
+            const double direct = pdf_direct(scene.lights, v->light, previous->position);
+            value *= static_cast<float>(1 / (1 + squared_ratio(direct, p)));
         }
+        if (record(value, k)) [[unlikely]]
+            end(value);
+        return true;
+    };
+    for (int k = 1; k <= settings.depth; ++k) {
+        const int pair = first_pair + (k - 1) * bounce_pairs;
+        const bool met = follow(throughput, k, [&](const Spectrum& value) {
+            layers->classes.end(*v, *previous, -ray.direction, value, layers->sample);
+        });
+        if (!met) break;
         if (v->infinite || v->closure.lobe_count == 0 || k == settings.depth) break;
 
         v->throughput = throughput;
@@ -106,12 +119,40 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             }
         }
 
+        const bool last = k + 1 == settings.depth;
+        if (last && has_dirac(v->closure)) {
+            // All of them, not one by chance: lamps seen in glass are bright and rarely met.
+            std::swap(v, previous);
+            for (int i = 0; i < previous->closure.lobe_count; ++i)
+                for (const Component c : {delta_reflection(i), delta_transmission(i)}) {
+                    Vec3f direction;
+                    if (!previous->closure.delta_direction(previous->to_previous, c, direction))
+                        continue;
+                    const Spectrum scattered =
+                        previous->closure.evaluate(direction, previous->to_previous, c) *
+                        (abs_dot(direction, previous->closure.shading.z) /
+                         previous->closure.delta_measure(direction, c));
+                    if (is_black(scattered)) continue;
+                    previous->component = c;
+                    ray = {offset_origin(*previous, direction), 0, direction, infinite_distance,
+                           time};
+                    follow(throughput * scattered, k + 1, [&](const Spectrum& value) {
+                        layers->classes.scatter_and_end(
+                            scattering_event(*previous, direction, previous->to_previous, c), *v,
+                            *previous, -direction, value, layers->sample);
+                    });
+                }
+            std::swap(v, previous);
+            if (!v->closure.has_non_delta) break;
+        }
+
         sampler.seek(pair + direction_pair);
         const Vec2f u = sampler.next_2d();
         const bool roulette = k > roulette_start;
         const Vec2f choice = v->closure.is_lambert && !roulette ? Vec2f{} : sampler.next_2d();
         ClosureSample sample;
         if (!v->closure.sample(-ray.direction, Known::eye, choice.x, u, sample)) break;
+        if (last && sample.component != non_delta) break;
         v->component = sample.component;
         if (layers) [[unlikely]]
             layers->classes.scatter(
