@@ -37,7 +37,7 @@ PIXELS = 2304  # of a pilot, about
 SHARE = 0.05  # of the render's work, at most
 # Rays of all pilots together, about, and of a sample of the path tracer: to tell beforehand whether
 # they fit.
-PILOT_RAYS = 600_000
+PILOT_RAYS = 650_000
 RAYS_PER_SAMPLE = 4
 SAMPLES: dict[Integrator, int] = {"path": 4, "bdpt": 2, "mlt": 8}
 # Processor time of a ray with what belongs to it, relative to the path tracer's.
