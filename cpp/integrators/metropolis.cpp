@@ -9,8 +9,8 @@ namespace {
 // images.
 constexpr double least_work = 0x1p13, most_work = 0x1p17, work_per_pixel = 4;
 constexpr int steps_per_chain = 128;
-// Camera samples of light that is path traced alone, per mutation.
-constexpr double direct_samples_per_mutation = 1.0 / 2;
+// Camera samples, per mutation, of plans without chains.
+constexpr double direct_samples_per_mutation = 1.0 / 4;
 constexpr int direct_stratified_pairs = 11;
 
 // Of a unit's work, where nothing is split.
@@ -208,9 +208,9 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
     chains = std::max(
         1, static_cast<int>(std::lround(samples * sample_cost * (1 - share) / (share * steps))));
     work = double(mutations_per_unit()) + samples * sample_cost;
-    if (direct_separately)
-        direct_samples = std::max(
-            1, static_cast<int>(std::lround(work * direct_samples_per_mutation / samples)));
+    // As many as there would be if all of the work was bidirectional samples: direct light is then
+    // no noisier than theirs in the same time.
+    if (direct_separately) direct_samples = static_cast<int>(std::lround(1 / share));
 
     // Which strategies find the light that is left to the chains.
     MetropolisScratch scratch(scene, *this);
