@@ -41,8 +41,8 @@ uint32_t PathTarget::applicable(const State& x) {
     const uint64_t key = class_of(x.path) << 1 | uint64_t(x.path[0].light.delta);
     if (x.path.edges() > longest_class) return applicable_mutations(context_, x.path) & enabled_;
     Applicable& known = applicable_[mix64(key) % applicable_.size()];
-    if (known.key != key) known = {key, applicable_mutations(context_, x.path)};
-    return known.mask & enabled_;
+    if (known.key != key) known = {key, applicable_mutations(context_, x.path, true)};
+    return (known.mask | applicable_mutations(context_, x.path, false)) & enabled_;
 }
 
 // The factors that the change touches, the visibility of the joined edge, and f*.

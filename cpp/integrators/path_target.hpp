@@ -89,7 +89,7 @@ private:
     const Split& split_;
     bool background_;
     uint32_t enabled_ = ~0u;
-    // What applies depends on a path's class and light alone.
+    // What applies by a path's class and light alone.
     struct Applicable {
         uint64_t key = 0;
         uint32_t mask = 0;

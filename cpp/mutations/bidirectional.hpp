@@ -13,6 +13,7 @@ namespace usdmlt {
 
 struct Bidirectional {
     static constexpr const char* name = "bidirectional";
+    static constexpr bool by_class = true;
 
     // p_d, p_a and n of a change of a path of k edges. A change that cannot be drawn has p_a = 0.
     struct Choice {

@@ -6,16 +6,18 @@ namespace {
 constexpr double direction_probability = 0.5;  // of a light at infinity
 constexpr double largest_angle = 1.5;          // radians
 
+template <bool glossy>
 bool is_start(const Path& x, int m, Walk& walk) {
-    if (m > 0 && x.is_delta(m)) return false;
-    walk = find_walk(x, Known::light, m);
-    return walk.found() && walk.chains == 0;
+    if (m > 0 && (x.is_delta(m) || (glossy && is_near_specular(x, m)))) return false;
+    walk = find_walk(x, Known::light, m, glossy);
+    return walk.found() && walk.chains == 0 && (walk.half_vectors > 0) == glossy;
 }
 
+template <bool glossy>
 int count_starts(const Path& x) {
     int count = 0;
     Walk walk;
-    for (int m = 0; m < x.edges(); ++m) count += is_start(x, m, walk);
+    for (int m = 0; m < x.edges(); ++m) count += is_start<glossy>(x, m, walk);
     return count;
 }
 
@@ -79,21 +81,24 @@ bool start_at_infinity(MutationContext& context, const Path& x, const Walk& walk
 
 }  // namespace
 
-bool CausticPerturbation::applies(const MutationContext&, const Path& x) {
+template <bool glossy>
+bool CausticWalk<glossy>::applies(const MutationContext&, const Path& x) {
+    if (glossy && !has_near_specular(x)) return false;
     Walk walk;
     for (int m = 0; m < x.edges(); ++m)
-        if (is_start(x, m, walk)) return true;
+        if (is_start<glossy>(x, m, walk)) return true;
     return false;
 }
 
-bool CausticPerturbation::propose(MutationContext& context, const Path& x, Path& y,
+template <bool glossy>
+bool CausticWalk<glossy>::propose(MutationContext& context, const Path& x, Path& y,
                                   Change& change) {
     RandomStream& random = context.random;
-    const int count = count_starts(x);
+    const int count = count_starts<glossy>(x);
     int choice = std::min(static_cast<int>(random.next_double() * count), count - 1);
     Walk walk;
     int m = 0;
-    while (!is_start(x, m, walk) || choice-- > 0) ++m;
+    while (!is_start<glossy>(x, m, walk) || choice-- > 0) ++m;
 
     const bool infinite = x[m].infinite;
     const bool moves_light =
@@ -118,11 +123,15 @@ bool CausticPerturbation::propose(MutationContext& context, const Path& x, Path&
     return walk.end + 1 < y.edges() || project_end(context, y);
 }
 
-ScaledDouble CausticPerturbation::density(MutationContext& context, const Path& x, const Path& y,
+template <bool glossy>
+ScaledDouble CausticWalk<glossy>::density(MutationContext& context, const Path& x, const Path& y,
                                           const Change& change, const Path& range_of) {
     const bool moves_light = change.l == -1;
-    Walk walk = find_walk(x, Known::light, moves_light ? 0 : change.l);
-    double pdf = 1.0 / count_starts(x);
+    Walk walk;
+    // Near-specular vertices may have become others.
+    if (!is_start<glossy>(x, moves_light ? 0 : change.l, walk) || walk.end + 1 != change.m)
+        return 0;
+    double pdf = 1.0 / count_starts<glossy>(x);
     if (x[walk.start].infinite) {
         if (!x[0].light.delta)
             pdf *= moves_light ? direction_probability : 1 - direction_probability;
@@ -141,5 +150,8 @@ ScaledDouble CausticPerturbation::density(MutationContext& context, const Path& 
     }
     return walk_density(context, x, y, walk, step_density(y, walk.start, 1, pdf));
 }
+
+template struct CausticWalk<false>;
+template struct CausticWalk<true>;
 
 }  // namespace usdmlt

@@ -15,8 +15,10 @@
 
 namespace usdmlt {
 
-struct CausticPerturbation {
-    static constexpr const char* name = "caustic";
+// `glossy`: walks that pass near-specular vertices, and no others.
+template <bool glossy>
+struct CausticWalk {
+    static constexpr bool by_class = !glossy;
 
     static bool applies(const MutationContext&, const Path& x);
     static bool propose(MutationContext& context, const Path& x, Path& y, Change& change);
@@ -27,6 +29,10 @@ struct CausticPerturbation {
     // The same with the range of another path than x, whose own is the right one.
     static ScaledDouble density(MutationContext& context, const Path& x, const Path& y,
                                 const Change& change, const Path& range_of);
+};
+
+struct CausticPerturbation : CausticWalk<false> {
+    static constexpr const char* name = "caustic";
 };
 
 }  // namespace usdmlt

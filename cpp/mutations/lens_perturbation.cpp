@@ -18,10 +18,9 @@ double distance(Vec2f a, Vec2f b) { return std::hypot(double(a.x) - b.x, double(
 
 }  // namespace
 
-template <bool inner_chains>
-bool LensWalk<inner_chains>::propose(MutationContext& context, const Path& x, Path& y,
-                                     Change& change) {
-    const Walk walk = find_walk(x, Known::eye, x.edges());
+template <LensWalkKind kind>
+bool LensWalk<kind>::propose(MutationContext& context, const Path& x, Path& y, Change& change) {
+    const Walk walk = walk_of(x);
     const Scene& scene = context.scene;
     const Camera& camera = scene.camera;
     RandomStream& random = context.random;
@@ -56,9 +55,11 @@ bool LensWalk<inner_chains>::propose(MutationContext& context, const Path& x, Pa
     return true;
 }
 
-template <bool inner_chains>
-ScaledDouble LensWalk<inner_chains>::density(const MutationContext& context, const Path& x,
-                                             const Path& y, const Change& change) {
+template <LensWalkKind kind>
+ScaledDouble LensWalk<kind>::density(const MutationContext& context, const Path& x, const Path& y,
+                                     const Change& change) {
+    const Walk walk = walk_of(x);
+    if (walk.end != change.l + 1) return 0;  // near-specular vertices became others
     const Camera& camera = context.scene.camera;
     const int k = y.edges();
     const double r = distance(x.raster, y.raster);
@@ -70,10 +71,11 @@ ScaledDouble LensWalk<inner_chains>::density(const MutationContext& context, con
                            lens_range(camera).pdf_plane(length(y[k].position - x[k].position))
                      : 1 - lens_probability;
     }
-    return walk_density(context, x, y, find_walk(x, Known::eye, k), first);
+    return walk_density(context, x, y, walk, first);
 }
 
-template struct LensWalk<false>;
-template struct LensWalk<true>;
+template struct LensWalk<LensWalkKind::plain>;
+template struct LensWalk<LensWalkKind::inner_chains>;
+template struct LensWalk<LensWalkKind::glossy>;
 
 }  // namespace usdmlt

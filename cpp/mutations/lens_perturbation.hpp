@@ -11,20 +11,30 @@
 
 namespace usdmlt {
 
-// What lens and multi-chain perturbations share: the walk from the lens, which has inner chains, at
-// whose start the direction is perturbed as well, or none.
-template <bool inner_chains>
+// What perturbations that start at the lens differ in: walks without inner chains, those with, at
+// whose start the direction is perturbed as well, or those that pass near-specular vertices.
+enum class LensWalkKind { plain, inner_chains, glossy };
+
+template <LensWalkKind kind>
 struct LensWalk {
+    // Whether it applies hangs on Dirac components and the kind of light alone.
+    static constexpr bool by_class = kind != LensWalkKind::glossy;
+
+    static Walk walk_of(const Path& x) {
+        return find_walk(x, Known::eye, x.edges(), kind == LensWalkKind::glossy);
+    }
     static bool applies(const MutationContext&, const Path& x) {
-        const Walk walk = find_walk(x, Known::eye, x.edges());
-        return walk.found() && (walk.chains > 0) == inner_chains;
+        if (kind == LensWalkKind::glossy && !has_near_specular(x)) return false;
+        const Walk walk = walk_of(x);
+        if (kind == LensWalkKind::glossy) return walk.found() && walk.half_vectors > 0;
+        return walk.found() && (walk.chains > 0) == (kind == LensWalkKind::inner_chains);
     }
     static bool propose(MutationContext& context, const Path& x, Path& y, Change& change);
     static ScaledDouble density(const MutationContext& context, const Path& x, const Path& y,
                                 const Change& change);
 };
 
-struct LensPerturbation : LensWalk<false> {
+struct LensPerturbation : LensWalk<LensWalkKind::plain> {
     static constexpr const char* name = "lens";
 };
 

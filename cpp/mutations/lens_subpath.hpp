@@ -13,6 +13,7 @@ namespace usdmlt {
 
 struct LensSubpath {
     static constexpr const char* name = "lens_subpath";
+    static constexpr bool by_class = true;
 
     static bool applies(const MutationContext&, const Path& x);
     static bool propose(MutationContext& context, const Path& x, Path& y, Change& change);

@@ -8,7 +8,7 @@
 
 namespace usdmlt {
 
-struct MultiChainPerturbation : LensWalk<true> {
+struct MultiChainPerturbation : LensWalk<LensWalkKind::inner_chains> {
     static constexpr const char* name = "multi_chain";
 };
 

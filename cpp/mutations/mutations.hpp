@@ -7,6 +7,8 @@
 
 #include "mutations/bidirectional.hpp"
 #include "mutations/caustic_perturbation.hpp"
+#include "mutations/glossy_caustic_perturbation.hpp"
+#include "mutations/glossy_lens_perturbation.hpp"
 #include "mutations/lens_perturbation.hpp"
 #include "mutations/lens_subpath.hpp"
 #include "mutations/multi_chain_perturbation.hpp"
@@ -15,7 +17,8 @@
 namespace usdmlt {
 
 using Mutations = std::tuple<NewPath, Bidirectional, LensPerturbation, CausticPerturbation,
-                             MultiChainPerturbation, LensSubpath>;
+                             MultiChainPerturbation, LensSubpath, GlossyLensPerturbation,
+                             GlossyCausticPerturbation>;
 
 inline constexpr int mutation_count = static_cast<int>(std::tuple_size_v<Mutations>);
 
@@ -38,13 +41,19 @@ inline std::string_view mutation_name(int index) {
     return visit_mutation(index, []<typename M>() { return std::string_view(M::name); });
 }
 
-// Bit i: mutation i applies to x.
-inline uint32_t applicable_mutations(const MutationContext& context, const Path& x) {
+// Bit i: mutation i applies to x; of those of which the path's class and light decide it, or of the
+// others.
+inline uint32_t applicable_mutations(const MutationContext& context, const Path& x, bool by_class) {
     uint32_t mask = 0;
     for (int i = 0; i < mutation_count; ++i)
-        mask |= uint32_t(visit_mutation(i, [&]<typename M>() { return M::applies(context, x); }))
-                << i;
+        mask |=
+            uint32_t(visit_mutation(
+                i, [&]<typename M>() { return M::by_class == by_class && M::applies(context, x); }))
+            << i;
     return mask;
+}
+inline uint32_t applicable_mutations(const MutationContext& context, const Path& x) {
+    return applicable_mutations(context, x, true) | applicable_mutations(context, x, false);
 }
 
 }  // namespace usdmlt

@@ -9,6 +9,7 @@ namespace usdmlt {
 
 struct NewPath {
     static constexpr const char* name = "new_path";
+    static constexpr bool by_class = true;
 
     static bool applies(const MutationContext&, const Path&) { return true; }
 

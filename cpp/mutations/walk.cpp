@@ -2,14 +2,20 @@
 
 namespace usdmlt {
 
-Walk find_walk(const Path& x, Known role, int start) {
+Walk find_walk(const Path& x, Known role, int start, bool glossy) {
     Walk walk;
     walk.role = role;
     walk.start = start;
+    walk.glossy = glossy;
+    const auto keeps_half_vector = [&](int i) { return glossy && is_near_specular(x, i); };
     const int step = walk.step(), last = role == Known::eye ? 0 : x.edges();
     for (int i = start + step; i != last; i += step) {
         if (x.is_delta(i)) continue;
-        if (i + step == last || !x.is_delta(i + step)) {
+        if (keeps_half_vector(i)) {
+            ++walk.half_vectors;
+            continue;
+        }
+        if (i + step == last || !(x.is_delta(i + step) || keeps_half_vector(i + step))) {
             walk.end = i;
             return walk;
         }
@@ -42,6 +48,10 @@ bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const
             if (!v.closure.delta_direction(-ray.direction, vertex.component, direction))
                 return false;
             pdf = v.closure.delta_measure(direction, vertex.component);
+        } else if (walk.glossy && is_near_specular(x, i)) {
+            if (!v.can_connect() || !keep_half_vector(x, i, v, -ray.direction, direction))
+                return false;
+            pdf = half_vector_pdf(direction, -ray.direction);
         } else {
             if (!v.can_connect()) return false;
             const double angle = context.direction_range.sample(context.random.next_double());
@@ -66,8 +76,12 @@ ScaledDouble walk_density(const MutationContext& context, const Path& x, const P
     for (int i = walk.start + step; i != walk.end; i += step) {
         const Vec3f direction = direction_along(y, i, step);
         double pdf;
+        const bool keeps_half_vector = walk.glossy && is_near_specular(x, i);
+        if (keeps_half_vector != (walk.glossy && is_near_specular(y, i))) return 0;
         if (y.is_delta(i)) {
             pdf = y[i].closure.delta_measure(direction, y.at(i).component);
+        } else if (keeps_half_vector) {
+            pdf = half_vector_pdf(direction, direction_along(y, i, -step));
         } else {
             const double angle = angle_between(direction, direction_along(x, i, step));
             pdf = context.direction_range.pdf_direction(angle);

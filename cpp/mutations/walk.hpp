@@ -5,12 +5,14 @@
 //   – at the first non-Dirac vertex whose next one on the way is non-Dirac or an end of the path:
 //     the new vertex is connected to the old next one; or
 //   – on the light, where nothing is left to connect to.
-// At non-Dirac vertices between Dirac chains the old direction is perturbed. Densities in area
+// At non-Dirac vertices between Dirac chains the old direction is perturbed. A glossy walk passes
+// near-specular vertices as well, see near_specular.hpp. Densities in area
 // measure, per traced vertex: solid angle × |cosθ| / r²; Dirac vertices have probability 1 and the
 // unit of closure.hpp.
 #pragma once
 
 #include "mutations/context.hpp"
+#include "mutations/near_specular.hpp"
 
 namespace usdmlt {
 
@@ -18,6 +20,8 @@ struct Walk {
     Known role = Known::eye;  // eye: from the eye's side towards the light
     int start = 0, end = -1;  // x_start is kept (or made by the mutation); x_end is the last traced
     int chains = 0;           // non-Dirac vertices between, whose direction is perturbed
+    bool glossy = false;
+    int half_vectors = 0;  // near-specular vertices that it passes
 
     int step() const { return role == Known::eye ? -1 : 1; }
     bool found() const { return end >= 0; }
@@ -26,7 +30,7 @@ struct Walk {
 
 // The walk of x that starts there; not found where it would have to end on the lens or on a light
 // that cannot be hit.
-Walk find_walk(const Path& x, Known role, int start);
+Walk find_walk(const Path& x, Known role, int start, bool glossy = false);
 
 // Traces the walk in y, whose y_start and first ray are made; the ray's direction (from infinity:
 // its origin) has density `pdf`. False: the class string changes. context.recorded becomes the
@@ -34,7 +38,8 @@ Walk find_walk(const Path& x, Known role, int start);
 bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const Ray& ray,
                 double pdf, Path& y);
 
-// Density of y's walk, given `first`, that of y_{start+step} in area measure.
+// Density of y's walk, given `first`, that of y_{start+step} in area measure; 0 where y's own walk
+// would pass other vertices.
 ScaledDouble walk_density(const MutationContext& context, const Path& x, const Path& y,
                           const Walk& walk, double first);
 

@@ -6,6 +6,9 @@ namespace usdmlt {
 namespace {
 
 bool is(int m, const char* name) { return mutation_name(m) == name; }
+bool is_caustic(int m) {
+    return is(m, CausticPerturbation::name) || is(m, GlossyCausticPerturbation::name);
+}
 bool joins(int m) { return is(m, NewPath::name) || is(m, Bidirectional::name); }
 
 // One way in which y's new vertices y_{l+1} … y_{m_y−1} were made: `split` of them from the light's
@@ -51,7 +54,7 @@ ScaledDouble weighted_density(MutationContext& context, int m, const Path& x, co
     const ScaledDouble t = healthy_density(context, m, x, y, change);
     if (!t.is_positive()) return t;
     if (!joins(m)) {
-        const int split = is(m, CausticPerturbation::name) ? m_y - l - 1 : 0;
+        const int split = is_caustic(m) ? m_y - l - 1 : 0;
         return t * factor(Making{l, m_y, split, k});
     }
     const auto sum = [&](auto&& weight) {
@@ -222,11 +225,27 @@ ScaledDouble forward_range(MutationContext& context, int m, const Path& x, const
     return CausticPerturbation::density(context, x, y, change, back ? y : x);
 }
 
+// The conversion from half vectors to solid angle is left out.
+ScaledDouble half_vector(MutationContext& context, int m, const Path& x, const Path& y,
+                         const Change& change, bool) {
+    const bool glossy =
+        is(m, GlossyLensPerturbation::name) || is(m, GlossyCausticPerturbation::name);
+    return weighted_density(context, m, x, y, change, [&](const Making& making) {
+        double c = 1;
+        making.for_each_traced([&](int from, int) {
+            if (glossy && is_near_specular(y, from))
+                c /= half_vector_pdf(y.to_eye(from), y.to_light(from));
+        });
+        return c;
+    });
+}
+
 // The density of the new lens point lacks its 1/r.
 ScaledDouble lens_point(MutationContext& context, int m, const Path& x, const Path& y,
                         const Change& change, bool) {
     ScaledDouble t = healthy_density(context, m, x, y, change);
-    const bool walks = is(m, LensPerturbation::name) || is(m, MultiChainPerturbation::name);
+    const bool walks = is(m, LensPerturbation::name) || is(m, MultiChainPerturbation::name) ||
+                       is(m, GlossyLensPerturbation::name);
     if (walks && change.m == x.edges() + 1)
         t *= length(y[y.edges()].position - x[x.edges()].position);
     return t;
@@ -295,6 +314,7 @@ std::span<const Mutant> mutants() {
         {"split_count", split_count},
         {"strategy_choice", strategy_choice},
         {"forward_range", forward_range},
+        {"half_vector", half_vector},
         {"lens_point", lens_point},
     };
     return all;

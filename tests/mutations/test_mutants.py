@@ -22,7 +22,12 @@ from usdmlt import _core
 
 SAMPLES = 40000
 # Steps from every start, where one is too few.
-STEPS = {("bidirectional", "pool_from_afar"): 6, ("lens", "mirror_floor"): 3}
+STEPS = {
+    ("bidirectional", "pool_from_afar"): 6,
+    ("lens", "mirror_floor"): 3,
+    ("glossy_lens", "polished"): 8,
+    ("glossy_caustic", "polished"): 4,
+}
 
 # (mutant, mutation, scene)
 SEEN_BY_STATIONARITY = [
@@ -37,6 +42,8 @@ SEEN_BY_STATIONARITY = [
     ("end_distance", "lens", "corridor"),
     ("end_distance", "caustic", "corridor"),
     ("end_distance", "multi_chain", "mirror_floor"),
+    ("end_distance", "glossy_lens", "polished"),
+    ("end_distance", "glossy_caustic", "polished"),
     ("end_distance", "lens_subpath", "corridor"),
     # That of the others: where chains of Dirac vertices begin, and along them.
     ("inner_conversion", "new_path", "pool_from_afar"),
@@ -47,6 +54,8 @@ SEEN_BY_STATIONARITY = [
     ("inner_conversion", "multi_chain", "pool_through_a_lens"),
     ("inner_conversion", "multi_chain", "mirrored_light"),
     ("inner_conversion", "lens_subpath", "sun_caustics"),
+    ("inner_conversion", "glossy_lens", "polished"),
+    ("inner_conversion", "glossy_caustic", "polished"),
     # G of the joined edge, counted twice.
     ("joined_geometry", "new_path", "corridor"),
     ("joined_geometry", "bidirectional", "corridor"),
@@ -54,6 +63,8 @@ SEEN_BY_STATIONARITY = [
     ("joined_geometry", "caustic", "corridor"),
     ("joined_geometry", "multi_chain", "mirrored_light"),
     ("joined_geometry", "lens_subpath", "corridor"),
+    ("joined_geometry", "glossy_lens", "polished"),
+    ("joined_geometry", "glossy_caustic", "polished"),
     # 1 − α of what is passed, α of where it ends.
     ("coverage", "new_path", "veils"),
     ("coverage", "bidirectional", "veils"),
@@ -73,6 +84,9 @@ SEEN_BY_STATIONARITY = [
     ("lobe_choice", "new_path", "pool_from_afar"),
     ("lobe_choice", "bidirectional", "pool_from_afar"),
     ("lobe_choice", "lens_subpath", "mirrors_and_floor"),
+    # Half vectors that are kept.
+    ("half_vector", "glossy_lens", "polished"),
+    ("half_vector", "glossy_caustic", "polished"),
     # A term for the sum.
     ("largest_split", "new_path", "corridor"),
     ("largest_split", "bidirectional", "corridor"),
@@ -87,6 +101,8 @@ SEEN_BY_STATIONARITY = [
     ("symmetric", "lens", "corridor"),
     ("symmetric", "caustic", "corridor"),
     ("symmetric", "multi_chain", "mirrored_light"),
+    ("symmetric", "glossy_lens", "polished"),
+    ("symmetric", "glossy_caustic", "polished"),
 ]
 
 SEEN_BY_WHAT_WAS_RECORDED = [

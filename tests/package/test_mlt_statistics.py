@@ -45,9 +45,11 @@ def test_the_numbers_of_the_chains_are_there_and_fit_together(image: usdmlt.Imag
 def test_every_mutation_says_how_often_it_was_tried_and_accepted(image: usdmlt.Image) -> None:
     rows = image.stats["mutation"]
     assert tuple(rows) == MUTATIONS
-    for row in rows.values():
+    for name, row in rows.items():
+        if name.startswith("glossy"):  # nothing here is
+            assert row["applicable"] == row["proposed"] == row["accepted"] == 0
+            continue
         assert row["applicable"] >= row["proposed"] >= row["made"] >= row["accepted"] > 0
-        assert row["accepted"] / row["proposed"] <= 1
         # Accepted with probability a each: the count is Σ a to five standard deviations.
         expected = row["mean_acceptance"] * row["proposed"]
         assert abs(row["accepted"] - expected) <= 5 * np.sqrt(expected)

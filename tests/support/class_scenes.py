@@ -149,6 +149,29 @@ def lamp_caustics() -> s.Scene:
 
 
 @class_scene
+def polished() -> s.Scene:
+    """L G D E, L D G E and L G D G E: a near-specular ball and plates above a floor that falls away
+    from them, under lamps that shine at them; one plate is seen from below."""
+    polish = [s.Material(s.Conductor(roughness=r)) for r in (0.12, (0.06, 0.15))]
+    lacquer = s.Layer(s.Dielectric(1.6, 0.1), s.Diffuse((0.5, 0.4, 0.4)))
+    return picture_of(
+        perspective((0, 1.3, 2.6), (0, 0.35, 0), 52),
+        meshes=[
+            quad((-2.2, 0.5, 1.8), (4.4, -1.6, 0), (0, 0, -4), 0),
+            sphere(0.7, 1, smooth=True, transform=translate(-0.5, 0.9, 0.1)),
+            quad((0.3, 1.5, -0.8), (1.2, 0.3, 0), (0, 0.2, 1.4), 2),
+            quad((0.6, -0.1, 0.9), (0.9, 0, -0.5), (0, 0.6, -0.4), 3),
+        ],
+        materials=[WHITE, *polish, s.Material(lacquer)],
+        lights=[
+            s.RectLight((30, 30, 30), 0.4, 0.4, facing((-1.6, 1.0, 1.0), (-0.5, 0.9, 0.1))),
+            s.RectLight((20, 20, 20), 0.5, 0.4, facing((0.8, 0.7, 0.3), (0.9, 1.7, -0.1))),
+            s.RectLight((6, 6, 7), 0.7, 0.7, facing((0.3, 2.2, 1.2), (-0.2, -0.2, 0.2))),
+        ],
+    )
+
+
+@class_scene
 def veils() -> s.Scene:
     """Sheets of partial opacity, one of which emits, over a floor."""
     return picture_of(

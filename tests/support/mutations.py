@@ -23,7 +23,16 @@ from support.scenes import HEIGHT, SCENES, WIDTH
 from support.statistics import sidak
 from usdmlt import _core
 
-MUTATIONS = ("new_path", "bidirectional", "lens", "caustic", "multi_chain", "lens_subpath")
+MUTATIONS = (
+    "new_path",
+    "bidirectional",
+    "lens",
+    "caustic",
+    "multi_chain",
+    "lens_subpath",
+    "glossy_lens",
+    "glossy_caustic",
+)
 
 
 def build_scene(name: str):
