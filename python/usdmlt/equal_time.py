@@ -5,7 +5,8 @@
 I, A, B and R scaled to mean 1. A and B are independent halves of the reference, so that their own
 noise has mean 0 in it; R, in the denominator, is a third run. The same of the means of blocks of
 16x16 pixels sees noise that comes in clumps, and the spread of the unscaled means over seeds a bad
-normalisation. Errors of all of them come from independent seeds.
+normalisation. Where a few fireflies make most of the error, that of all pixels but the worst
+thousandth says what the rest is like. Errors of all of them come from independent seeds.
 
 The reference is made by bidirectional path tracing. Where that is dominated by fireflies, or so
 noisy that R means nothing, it is none, and chains with other seeds make it ("mlt"). Either way
@@ -37,6 +38,7 @@ BATCHES = 12  # of a reference: four each for A, B and R
 REFERENCES: tuple[IntegratorName, ...] = ("bdpt", "mlt")
 # Fireflies dominate where this share of the values makes more than half of the squared error.
 FIREFLY_SHARE = 0.001
+WORST = 0.001  # of the pixels, that the trimmed error leaves out
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,9 @@ class Row:
     rel_mse: float
     rel_mse_error: float
     rel_mse_seconds: float
+    trimmed_rel_mse: float  # without the worst thousandth of the pixels
+    trimmed_rel_mse_error: float
+    trimmed_rel_mse_seconds: float
     block_rel_mse: float
     block_rel_mse_error: float
     block_rel_mse_seconds: float
@@ -172,6 +177,7 @@ def measure(
     cpu = float(np.mean([t.seconds for t in timed]))
     parts = reference.parts
     pixel, pixel_error = mean_and_error([relative_error(p, parts) for p in pictures])
+    trimmed, trimmed_error = mean_and_error([relative_error(p, parts, WORST) for p in pictures])
     block_parts = tuple(blocks(p) for p in parts)
     block, block_error = mean_and_error([relative_error(blocks(p), block_parts) for p in pictures])
     means = [p.mean() for p in pictures]
@@ -187,6 +193,9 @@ def measure(
         rel_mse=pixel,
         rel_mse_error=pixel_error,
         rel_mse_seconds=pixel * cpu,
+        trimmed_rel_mse=trimmed,
+        trimmed_rel_mse_error=trimmed_error,
+        trimmed_rel_mse_seconds=trimmed * cpu,
         block_rel_mse=block,
         block_rel_mse_error=block_error,
         block_rel_mse_seconds=block * cpu,
@@ -198,10 +207,14 @@ def measure(
     )
 
 
-def relative_error(picture: Picture, parts: tuple[Picture, ...]) -> float:
-    """relMSE of a picture against A, B and R; see the module. It may come out below 0."""
+def relative_error(picture: Picture, parts: tuple[Picture, ...], worst: float = 0.0) -> float:
+    """relMSE of a picture against A, B and R; see the module. It may come out below 0.
+
+    ``worst``: the share of the pixels, those with the largest errors, that is left out.
+    """
     i, a, b, r = (_scaled(p) for p in (picture, *parts))
-    return float(np.mean((i - a) * (i - b) / (r**2 + 0.01)))
+    errors = np.sort(((i - a) * (i - b) / (r**2 + 0.01)).mean(axis=-1), axis=None)
+    return float(np.mean(errors[: errors.size - round(worst * errors.size)]))
 
 
 def _scaled(picture: Picture) -> Picture:

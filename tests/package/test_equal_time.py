@@ -46,6 +46,16 @@ def test_the_reference_knows_its_own_error_and_its_fireflies() -> None:
     assert clean.fireflies > 0.9
 
 
+def test_a_trimmed_error_is_that_without_fireflies() -> None:
+    parts = reference(0.01).parts
+    picture = noisy(0.05)
+    clean = equal_time.relative_error(picture, parts)
+    picture[[3, 40], [7, 50]] += 30.0
+    assert equal_time.relative_error(picture, parts) > 10 * clean
+    trimmed = equal_time.relative_error(picture, parts, worst=0.001)
+    assert trimmed == pytest.approx(clean, rel=0.1)
+
+
 def test_blocks_are_means_also_where_they_are_cut() -> None:
     picture = RNG.random((20, 33, 3))
     means = equal_time.blocks(picture)

@@ -172,7 +172,8 @@ def _equal_time(
         },
         f"reference: {reference.integrator}, {reference.seconds:.0f} s in all, relMSE of a half "
         f"{reference.rel_mse:.2g}, {100 * reference.fireflies:.0f} % of it in a thousandth of the "
-        f"values\n{'':<12}{'samples':>8}{'s':>7}{'relMSE*s':>20}{'16x16 relMSE*s':>22}{'spread':>9}"
+        f"values\n{'':<12}{'samples':>8}{'s':>7}{'relMSE*s':>20}{'trimmed':>19}"
+        f"{'16x16 relMSE*s':>22}{'spread':>9}"
         f"{'cv/√N':>8}{'mean/reference':>18}{'16x16':>7}",
     )
     for integrator in integrators:
@@ -184,15 +185,17 @@ def _equal_time(
 
 def _equal_time_line(row: equal_time.Row) -> str:
     name = row.integrator if row.integrator == row.chosen else f"{row.integrator} ({row.chosen})"
-    pixel, block = row.rel_mse_seconds, row.block_rel_mse_seconds
-    pixel_error, block_error = (
-        row.rel_mse_error * row.seconds,
-        row.block_rel_mse_error * row.seconds,
-    )
+
+    def error(value: float, deviation: float, digits: int) -> str:
+        return f"{value * row.seconds:.{digits}g} ± {deviation * row.seconds:.1g}"
+
+    pixel = error(row.rel_mse, row.rel_mse_error, 4)
+    trimmed = error(row.trimmed_rel_mse, row.trimmed_rel_mse_error, 4)
+    block = error(row.block_rel_mse, row.block_rel_mse_error, 3)
     b_spread = "" if row.b_spread is None else f"{100 * row.b_spread:.2f} %"
     return (
         f"{name:<12}{row.samples:>8.0f}{row.seconds:>7.2f}"
-        f"{f'{pixel:.4g} ± {pixel_error:.1g}':>20}{f'{block:.3g} ± {block_error:.1g}':>22}"
+        f"{pixel:>20}{trimmed:>19}{block:>22}"
         f"{100 * row.spread:>7.2f} %{b_spread:>8}"
         f"{f'{row.mean_ratio:.4f} ± {row.mean_ratio_error:.4f}':>18}{row.block_deviation:>7.2f}"
     )
