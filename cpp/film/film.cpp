@@ -102,12 +102,14 @@ void Film::develop_error(float* error, double splats_per_pixel, const double sha
         }
         if (!batch_sums_.empty() && used > 1 && splats_per_pixel > 0) {
             // Batches of share q have variance σ²/q; Σ q (x_b − x̄)² is then (n − 1) σ² on average.
-            const int64_t* sums = &batch_sums_[i * batches];
+            const auto sum = [&](int b) {
+                return double(batch_sums_[batch_index(i, b)]) / splats_per_pixel;
+            };
             double total = 0, squares = 0;
-            for (int b = 0; b < batches; ++b) total += double(sums[b]) / splats_per_pixel;
+            for (int b = 0; b < batches; ++b) total += sum(b);
             for (int b = 0; b < batches; ++b)
                 if (share[b] > 0) {
-                    const double d = double(sums[b]) / (splats_per_pixel * share[b]) - total;
+                    const double d = sum(b) / share[b] - total;
                     squares += share[b] * d * d;
                 }
             variance += squares / (used - 1);

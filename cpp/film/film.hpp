@@ -61,7 +61,13 @@ public:
             const double all[3] = {value[0], value[1], value[2]};
             add_parts(layer_splats_, i, all, *parts);
         }
-        if (has_error()) add(batch_sums_[i * batches + size_t(batch)], luminance(value) * scale_);
+        if (has_error()) add(batch_sums_[batch_index(i, batch)], luminance(value) * scale_);
+    }
+    // Fetches what a splat there will add to.
+    void prefetch_splat(int x, int y, int batch) {
+        const size_t i = index(x, y);
+        __builtin_prefetch(&splats_[i * 3], 1);
+        if (has_error()) __builtin_prefetch(&batch_sums_[batch_index(i, batch)], 1);
     }
 
     // RGBA in row-major order, top row first: samples / their count + splats / splats_per_pixel.
@@ -97,6 +103,10 @@ private:
     size_t layer_index(size_t pixel, int layer) const {
         return (pixel * size_t(layers_) + size_t(layer)) * 3;
     }
+    // Those of a unit, which has one batch, are close together.
+    size_t batch_index(size_t pixel, int batch) const {
+        return size_t(batch) * size_t(width_) * size_t(height_) + pixel;
+    }
     void add_parts(std::vector<int64_t>& sums, size_t pixel, const double all[3],
                    const LayerSums& parts);
     void add(int64_t& sum, double fixed) {
@@ -123,7 +133,7 @@ private:
     std::vector<int64_t> samples_;                       // r, g, b, alpha, count per pixel
     std::vector<int64_t> splats_;                        // r, g, b per pixel
     std::vector<int64_t> squares_;                       // of the samples' luminance, per pixel
-    std::vector<int64_t> batch_sums_;                    // luminance of splats per pixel and batch
+    std::vector<int64_t> batch_sums_;                    // luminance of splats per batch and pixel
     std::vector<int64_t> layer_samples_, layer_splats_;  // r, g, b per pixel and layer
     std::atomic<uint64_t> overflows_{0};
 };

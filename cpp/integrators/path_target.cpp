@@ -50,6 +50,7 @@ bool PathTarget::finish(State& y) {
     Path& path = y.path;
     const int k = path.edges();
     if (k == 1 && path[0].infinite && !background_) return false;
+    recorder.prefetch(path.raster);
     update_edges(path, std::max(change_.l + 1, 1), std::min(change_.m_y, k));
     if (!update_scattering(context_.scene, path, std::max(change_.l, 0), std::min(change_.m_y, k)))
         return false;

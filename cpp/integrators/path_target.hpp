@@ -48,6 +48,12 @@ struct PathRecorder {
                         layers ? &layers->splat : nullptr);
         classes->add(path_class, luminance(value));
     }
+    // A path that lands there is being made.
+    void prefetch(Vec2f raster) const {
+        const float x = std::floor(raster.x / reduction), y = std::floor(raster.y / reduction);
+        if (film && x >= 0 && y >= 0 && x < float(film->width()) && y < float(film->height()))
+            film->prefetch_splat(static_cast<int>(x), static_cast<int>(y), batch);
+    }
 };
 
 class PathTarget {
