@@ -204,6 +204,87 @@ def test_pixels_that_are_not_finite_are_a_difference() -> None:
     assert "1 pixels are not finite" in result.reasons
 
 
+def with_errors(rgba: np.ndarray, error: np.ndarray | float = 0.01) -> Image:
+    picture = Image.from_rgba(rgba.astype(np.float32))
+    picture.channels["error"] = np.broadcast_to(error, rgba.shape[:2]).astype(np.float32)
+    return picture
+
+
+def noisy(seed: int, level: float = 0.01) -> np.ndarray:
+    """Of 32 x 32 pixels, with the error that with_errors says: noise of all colours alike."""
+    rgba = np.ones((32, 32, 4))
+    rgba[..., :3] = 0.5 + level * np.random.default_rng(seed).normal(size=(32, 32, 1))
+    return rgba
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_errors_that_are_not_finite_hide_nothing(value: float) -> None:
+    error = np.full((32, 32), 0.01)
+    error[3, 4] = value
+    changed = noisy(2)
+    changed[8:16, 8:16, :3] += 0.05
+    result = comparison.compare(with_errors(noisy(1)), with_errors(changed, error))
+    assert result.reasons[0] == "1 pixels have errors that are not finite"
+    assert any("luminance" in reason for reason in result.reasons)
+
+
+def test_by_error_layers_hue_and_alpha_are_looked_at() -> None:
+    reference = with_errors(noisy(1))
+    assert not comparison.compare(reference, with_errors(noisy(2))).different
+    hue = noisy(2)
+    hue[8:24, 8:24, :3] += np.array([0.1, 0, -0.1 * 0.2126 / 0.0722])  # of the same luminance
+    (reason, *_) = comparison.compare(reference, with_errors(hue)).reasons
+    assert reason.startswith(("red +", "blue -"))
+    hole = noisy(2)
+    hole[8:16, 8:16, 3] = 0
+    (reason, *_) = comparison.compare(reference, with_errors(hole)).reasons
+    assert reason.startswith("alpha -")
+    # A pixel at an edge, met by one sample in a hundred.
+    edge = noisy(2)
+    edge[:, 5, 3] -= 0.01
+    assert not comparison.compare(reference, with_errors(edge)).different
+
+
+def test_pictures_in_other_places_of_the_whole_are_different(tmp_path: Path) -> None:
+    rgb = {c: np.full((4, 5), 0.5, np.float32) for c in "RGB"}
+    for name, x in (("a.exr", 1), ("b.exr", 2)):
+        window = {"x": x, "y": 1, "full_width": 9, "full_height": 9}
+        write_parts(tmp_path / name, [Part(rgb, {}, window)])
+    assert not comparison.compare_files(tmp_path / "a.exr", tmp_path / "a.exr").different
+    result = comparison.compare_files(tmp_path / "a.exr", tmp_path / "b.exr")
+    assert result.reasons == ["the data windows differ: they start at (1, 1) and (2, 1)"]
+
+
+def test_all_parts_are_compared(tmp_path: Path) -> None:
+    """Those with channels of the same names, those of other sizes, and colours after others."""
+
+    def write(name: str, *values: float) -> Path:
+        def part(name: str, channels: str, value: float, columns: int = 5) -> Part:
+            pixels = np.full((4, columns), value, np.float32)
+            window = {"x": 0, "y": 0, "full_width": 5, "full_height": 4}
+            return Part(dict.fromkeys(channels, pixels), {"oiio:subimagename": name}, window)
+
+        depth, beauty, diffuse, small = values
+        parts = [
+            part("depth", "Z", depth),
+            part("beauty", "RGBA", beauty),
+            part("diffuse", "RGB", diffuse),
+            part("small", "RGB", small, columns=3),
+        ]
+        write_parts(tmp_path / name, parts)
+        return tmp_path / name
+
+    one = write("one.exr", 1, 0.5, 0.25, 0.75)
+    assert not comparison.compare_files(one, one).different
+    for values, wanted in {
+        (2, 0.5, 0.25, 0.75): ["the layer Z differs in 20 of 20 pixels"],
+        (1, 0.6, 0.25, 0.75): ["20 of 20 pixels differ by more than 1e-06, the most by 0.1"],
+        (1, 0.5, 0.35, 0.75): ["the layer diffuse differs in 20 of 20 pixels"],
+        (1, 0.5, 0.25, 0.85): [f"the layer small.{c} differs in 12 of 12 pixels" for c in "BGR"],
+    }.items():
+        assert comparison.compare_files(one, write("other.exr", *values)).reasons == wanted
+
+
 def test_flip_decides_where_it_is_asked_for(folder: Path) -> None:
     pytest.importorskip("flip_evaluator")
     result = comparison.compare_files(folder / "a.exr", folder / "b.exr", flip=1.0)
