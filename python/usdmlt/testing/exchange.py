@@ -68,10 +68,11 @@ def _largest(cells: list[tuple[Part, Array]], signs: Array) -> Array:
     return scores
 
 
-def p_value(parts: list[Part], batches: int) -> tuple[float, int]:
+def p_value(parts: list[Part], batches: int, enough: int = ENOUGH) -> tuple[float, int]:
     """Share of the sets of signs that reach the score of what was seen, and how many were tried.
 
-    Cells that cannot reach it under any signs need not be looked at.
+    Cells that cannot reach it under any signs need not be looked at. ``enough``: sets that reach it
+    after which no more are tried.
     """
     score = float(_largest([(part, part.x) for part in parts], np.ones((1, batches)))[0])
     able = []
@@ -83,7 +84,7 @@ def p_value(parts: list[Part], batches: int) -> tuple[float, int]:
         scores = _largest(able, signs)
         reached += int(np.count_nonzero(scores >= score - 1e-9 * max(abs(score), 1.0)))
         tried += len(signs)
-        if reached > ENOUGH:
+        if reached > enough:
             break
     return reached / tried, tried
 
