@@ -109,6 +109,8 @@ def test_what_cannot_be_compared_is_status_2(
         assert status == 2 and output.startswith("usdmlt: error: ") and output.count("\n") == 1
     assert "differ in size: 64x64 and 4x4" in output
     assert compare("a.exr", "b.exr", "--significance", "2")[0] == 2
+    status, output = compare("a.exr", "b.exr", "--significance", "1e-5")
+    assert status == 2 and "significance must be at least 1.5e-05" in output
     assert compare("a.exr", "b.exr", "--fail", "-1")[0] == 2
 
 
@@ -315,6 +317,18 @@ def test_a_reference_comes_back_as_it_was_written(tmp_path: Path) -> None:
     assert np.allclose(back.pictures[:, 3, 4], pictures[:, 6, 8:].mean(axis=1), rtol=2**-10)
     again = references.rounded(back.pictures, back.scale)
     assert np.array_equal(again, back.pictures)
+
+
+def test_a_batch_that_is_not_a_number_is_a_difference_and_the_rest_is_tested() -> None:
+    pictures = np.random.default_rng(1).random((2, 24, 8, 8, 4)).astype(np.float32)
+    pictures[1, 5, 3, 4, 0] = np.nan
+    a, b = (
+        Batches({"color": x.mean(axis=0)[..., :3], "alpha": x.mean(axis=0)[..., 3]}, pictures=x)
+        for x in pictures
+    )
+    result = comparison.compare(a, b)
+    assert result.reasons == ["1 pixels are not finite"]
+    assert result.outcome is not None and 1e-3 < result.outcome.p <= 1
 
 
 def test_a_picture_without_batches_is_no_reference(tmp_path: Path) -> None:

@@ -93,7 +93,8 @@ def _thresholds(arguments: argparse.Namespace) -> Any:
     for name, value in given.items():
         if not value >= 0:
             raise UsageError(f"--{name} must not be negative, but is {value:g}")
-    for name, low, high in (("significance", 0.0, 1.0), ("tolerance", 0.0, 1.0)):
-        if not low <= getattr(arguments, name) < high:
-            raise UsageError(f"--{name} must be between {low:g} and {high:g}")
+    if not 0 < arguments.significance < 1:
+        raise UsageError("--significance must be between 0 and 1")
+    if not 0 <= arguments.tolerance < 1:
+        raise UsageError("--tolerance must be at least 0 and below 1")
     return Thresholds(**given) if given else None

@@ -183,9 +183,15 @@ def _alike(
         return None, 0
     scale = reference.scale
     a, b = (
-        references.rounded(means(x.pictures, cell // x.cell), scale) for x in (reference, picture)
+        references.rounded(means(_known(x.pictures), cell // x.cell), scale)
+        for x in (reference, picture)
     )
     return (a, b), cell
+
+
+def _known(pictures: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """0 where they are not numbers: that is a difference by itself."""
+    return np.where(np.isnan(pictures), np.float32(0), pictures)
 
 
 def same_noise(reference: Batches, picture: Batches) -> bool:

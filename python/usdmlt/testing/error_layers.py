@@ -118,7 +118,10 @@ def compare_errors(
                     size,
                     int(column) * size,
                     int(row) * size,
-                    float(difference[row, column] / brightness[row, column]),
+                    float(
+                        difference[row, column]
+                        / (1 if what == "alpha" else brightness[row, column])
+                    ),
                     float(t[row, column]),
                     float(scores[row, column]),
                     False,

@@ -5,13 +5,14 @@ For pictures of other renderers, and beside the statistical test: how much, not 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from usdmlt import color
+from usdmlt.errors import UsageError
 
 Picture = npt.NDArray[np.float32]
 EPSILON = 0.01
@@ -71,6 +72,12 @@ class Thresholds:
     fail: float = 1e-6
     failpercent: float = 0.0
     hardfail: float = float("inf")
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not value >= 0:
+                raise UsageError(f"{field.name} must not be negative, but is {value:g}")
 
 
 @dataclass(frozen=True)
