@@ -331,6 +331,16 @@ def test_a_batch_that_is_not_a_number_is_a_difference_and_the_rest_is_tested() -
     assert result.outcome is not None and 1e-3 < result.outcome.p <= 1
 
 
+@pytest.mark.parametrize(
+    ("changed", "same"),
+    [({"seed": 1}, True), ({"two_stage": False}, False), ({"samples": 48}, False)],
+)
+def test_settings_that_make_other_noise_are_known(changed: dict[str, object], same: bool) -> None:
+    settings = {"integrator": "mlt", "samples": 24, "seed": 0, "two_stage": True}
+    pictures = [Batches({}, made={"settings": settings | more}) for more in ({}, changed)]
+    assert comparison.same_noise(*pictures) == same
+
+
 def test_a_picture_without_batches_is_no_reference(tmp_path: Path) -> None:
     Image.from_rgba(np.ones((4, 4, 4), np.float32)).write(tmp_path / "a.exr")
     with pytest.raises(Error, match="has no batches"):

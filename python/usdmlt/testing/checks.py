@@ -208,7 +208,7 @@ def provenance(reference: Batches, picture: Image) -> list[str]:
     lines = []
     if one.get("stage_hash") and other.get("stage_hash"):
         same = one["stage_hash"] == other["stage_hash"]
-        lines.append(f"the stage is {'the same' if same else 'not the one'} of the reference")
+        lines.append(f"the stage is {'the one' if same else 'not the one'} of the reference")
     for name in ("versions", "settings"):
         old, new = one.get(name, {}), other.get(name, {})
         changed = [key for key in sorted(old.keys() | new.keys()) if old.get(key) != new.get(key)]

@@ -23,8 +23,8 @@ from usdmlt.testing.outcome import Outcome
 from usdmlt.testing.statistics import SIGNIFICANCE, TOLERANCE, compare_batches
 
 Method = Literal["same bits", "batches", "errors", "values"]
-# Settings that decide how noise is distributed.
-NOISE = ("integrator", "samples", "filter", "depth", "mutation_weights", "direct", "selective")
+# Settings that do not decide how noise is distributed.
+INDIFFERENT = ("seed", "aovs", "mutations", "embree_isa")  # mutations are told as samples
 # Errors of all pixels together: chains are scaled by one estimate of b per unit.
 COMMON_ERRORS = ("mlt",)
 
@@ -201,8 +201,11 @@ def same_noise(reference: Batches, picture: Batches) -> bool:
         return False
     if one.get("plan") != other.get("plan"):
         return False
-    settings = [made.get("settings", {}) for made in (one, other)]
-    return all(settings[0].get(name) == settings[1].get(name) for name in NOISE)
+    settings = [
+        {k: v for k, v in made.get("settings", {}).items() if k not in INDIFFERENT}
+        for made in (one, other)
+    ]
+    return settings[0] == settings[1]
 
 
 def _by_thresholds(result: Comparison, thresholds: Thresholds) -> None:
