@@ -109,6 +109,9 @@ def test_what_cannot_be_compared_is_status_2(
         assert status == 2 and output.startswith("usdmlt: error: ") and output.count("\n") == 1
     assert "differ in size: 64x64 and 4x4" in output
     assert compare("a.exr", "b.exr", "--significance", "2")[0] == 2
+    for option in ("--flip", "nan"), ("--report", "missing/page.html"), ("--report", "."):
+        status, output = compare("a.exr", "b.exr", *option)
+        assert status == 2 and output.startswith("usdmlt: error: ") and output.count("\n") == 1
     status, output = compare("a.exr", "b.exr", "--significance", "1e-5")
     assert status == 2 and "significance must be at least 1.5e-05" in output
     assert compare("a.exr", "b.exr", "--fail", "-1")[0] == 2

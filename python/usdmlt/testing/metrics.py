@@ -141,8 +141,11 @@ def measure(
     color_space: str = color.DEFAULT,
     fail: float = Thresholds.fail,
 ) -> Metrics:
-    """All of them, of (height, width, 4): RGB, and alpha, which the difference alone looks at."""
-    a, b = (np.nan_to_num(x[..., :3]) for x in (picture, reference))
+    """All of them, of (height, width, 4): RGB, and alpha, which the difference alone looks at.
+
+    What is not finite counts as 0, but in the difference.
+    """
+    a, b = (np.nan_to_num(x[..., :3], posinf=0, neginf=0) for x in (picture, reference))
     flip = flip_map(a, b, color_space)
     return Metrics(
         rel_mse=float(rel_mse_map(a, b).mean()),

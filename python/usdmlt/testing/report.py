@@ -103,7 +103,7 @@ def _zoom(width: int) -> int:
 
 def _exposure(picture: Image) -> float:
     """A power of two that brings very dark and very bright pictures into view; mostly 1."""
-    mean = float(np.nan_to_num(picture["color"]).mean())
+    mean = float(np.nan_to_num(picture["color"], posinf=0, neginf=0).mean())
     if not mean > 0 or 0.02 < mean < 2:
         return 1.0
     return float(2.0 ** np.round(np.log2(0.2 / mean)))
