@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -117,17 +117,47 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, npt.NDArray[Any]], str
     except OSError as error:
         raise Error(f"cannot read {path}: {error}") from None
     spec = found[0][0]
-    channels: Channels = {}
-    for other, more in found:
-        name = other.get_string_attribute("oiio:subimagename")
-        same_size = (other.width, other.height) == (spec.width, spec.height)
-        if same_size and (name != STATISTICS_PART or not channels):
-            channels.update(more)
+    channels = merged(found)
     if not {"R", "G", "B"} <= channels.keys():
         raise Error(f"cannot read {path}: it has no channels R, G, B but {', '.join(channels)}")
     # OpenImageIO before 3.1 renames what it finds in oiio:ColorSpace.
     space = spec.get_string_attribute("colorInteropID", color.DEFAULT)
     return _layers(channels), space, read_metadata(spec)
+
+
+def merged(parts: Sequence[tuple[Any, Channels]]) -> Channels:
+    """Channels of all parts as large as the first but for statistics.
+
+    Those whose names an earlier part has go by the name of their part besides.
+    """
+    channels: Channels = {}
+    for number, (spec, more) in enumerate(parts):
+        if _size(spec) == _size(parts[0][0]) and (not number or not _is_statistics(spec)):
+            for name, pixels in more.items():
+                channels[f"{_part(spec, number)}.{name}" if name in channels else name] = pixels
+    return channels
+
+
+def of_other_sizes(parts: Sequence[tuple[Any, Channels]]) -> Channels:
+    """Channels of the parts that are not as large as the first but for statistics."""
+    return {
+        f"{_part(spec, number)}.{name}": pixels
+        for number, (spec, more) in enumerate(parts)
+        if _size(spec) != _size(parts[0][0]) and not _is_statistics(spec)
+        for name, pixels in more.items()
+    }
+
+
+def _part(spec: Any, number: int) -> str:
+    return str(spec.get_string_attribute("oiio:subimagename")) or f"part{number}"
+
+
+def _size(spec: Any) -> tuple[int, int]:
+    return spec.width, spec.height
+
+
+def _is_statistics(spec: Any) -> bool:
+    return bool(spec.get_string_attribute("oiio:subimagename") == STATISTICS_PART)
 
 
 def read_metadata(spec: Any) -> dict[str, Any]:

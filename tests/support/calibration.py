@@ -1,15 +1,17 @@
 """How often the test of batches cries wolf: pairs of renders that differ in random numbers only.
 
-cd tests; python -m support.calibration [KIND,… [PAIRS [SCENE…]]] [--keep FOLDER]
+cd tests; python -m support.calibration [KIND,… [PAIRS [SCENE…]]] [--keep FOLDER] [--resampled N]
 
 A kind is one of KINDS, such as `mlt`, or two that are compared with each other, `path-bdpt`. With
 `_eased` a scene has the changes that make its light easier to find.
-Pictures are kept in the folder by slices, so that what was interrupted goes on.
+Pictures are kept in the folder by slices, so that what was interrupted goes on. With a number for
+``--resampled``, so many pairs are put together from batches of 50, and alarms at 1e-4 are counted.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -23,8 +25,8 @@ from usdmlt.rendering import Rendering, no_warnings
 from usdmlt.settings import Settings
 from usdmlt.stage import load
 from usdmlt.testing import exchange
-from usdmlt.testing.batches import batches_of
-from usdmlt.testing.statistics import TOLERANCE, compare_batches
+from usdmlt.testing.batches import batches_of, means
+from usdmlt.testing.statistics import SIGNIFICANCE, TOLERANCE, compare_batches
 
 NAMES = ("cornell_box", "caustics", "door_ajar", "gallery", "pool", "snow_globe")
 SIZE = {"width": 24, "height": 18}
@@ -66,8 +68,11 @@ def slices(name: str, kind: str, count: int, folder: Path | None) -> Iterator[np
 
 
 def p_values(pictures: np.ndarray, **options: Any) -> np.ndarray:
-    """By pair."""
-    return np.array([compare_batches(a, b, **options).p for a, b in pictures])
+    """By pair; between the steps that p of so many sets of signs has, 64/64, 64/65, …, at random,
+    without which 1.5 % of them are 1."""
+    outcomes = [compare_batches(a, b, **options) for a, b in pictures]
+    steps = np.random.default_rng(1).random(len(outcomes))
+    return np.array([x.p - step * x.p / x.tried for x, step in zip(outcomes, steps, strict=True)])
 
 
 def p_values_of(name: str, kind: str, count: int, folder: Path | None = None) -> np.ndarray:
@@ -81,17 +86,22 @@ def p_values_of(name: str, kind: str, count: int, folder: Path | None = None) ->
     return np.concatenate([p_values(pictures, alike=False) for pictures in unlike])[:count]
 
 
-def resampled(pictures: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
-    """p-values of pictures put together anew from all batches, none twice in a pair."""
-    pool = pictures.reshape(-1, *pictures.shape[3:]).astype(np.float64)
+def resampled(pictures: np.ndarray, count: int, first: int = 0, level: float = SIGNIFICANCE) -> int:
+    """How many of so many pictures put together anew from all batches, none twice in a pair, have
+    p at most ``level``.
+
+    Cells are means of 4 x 4 pixels.
+    """
+    pool = means(pictures.reshape(-1, *pictures.shape[3:]), 4).astype(np.float64)
     batches = pictures.shape[2]
-    rng = np.random.default_rng(seed)
-    out = []
-    for _ in range(count):
+    enough = int(level * exchange.MOST_SIGNS) + 1  # of so many, p is above the level
+    alarms = 0
+    for pair in range(first, first + count):
+        rng = np.random.default_rng(pair)
         chosen = pool[rng.choice(len(pool), 2 * batches, replace=False)]
         parts = exchange.looks(chosen[:batches], chosen[batches:], 1, TOLERANCE)
-        out.append(exchange.p_value(parts, batches)[0])
-    return np.array(out)
+        alarms += exchange.p_value(parts, batches, enough)[0] <= level
+    return alarms
 
 
 def interval(rate: float, count: int, confidence: float = 0.999) -> tuple[float, float]:
@@ -107,8 +117,15 @@ def main() -> None:
     parser.add_argument("pairs", nargs="?", type=int, default=1000)
     parser.add_argument("scenes", nargs="*", default=NAMES)
     parser.add_argument("--keep", metavar="FOLDER", type=Path)
+    parser.add_argument("--resampled", metavar="N", type=int, help="alarms at 1e-4 among so many")
     arguments = parser.parse_args()
     count = arguments.pairs
+    if arguments.resampled:
+        for kind, name in itertools.product(arguments.kinds.split(","), arguments.scenes):
+            pictures = next(slices(name, kind, SLICE, arguments.keep))
+            alarms = resampled(pictures, arguments.resampled)
+            print(f"{name:<14}{kind:<14}{arguments.resampled:>8}: {alarms}", flush=True)
+        return
     print(f"{'':<14}{'':<14}{'pairs':>6}{'KS p':>8}{'<= 5 %':>9}{'<= 1 %':>9}{'least':>9}")
     for kind in arguments.kinds.split(","):
         for name in arguments.scenes:

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from support.calibration import NAMES, interval, p_values, p_values_of, pairs, resampled
-from usdmlt.testing.batches import means
+from usdmlt.testing.statistics import SIGNIFICANCE
 
 ALIKE = ("path", "mlt")
 
@@ -37,8 +37,6 @@ def test_false_alarms_over_a_thousand_pairs(name: str, integrator: str) -> None:
 @pytest.mark.parametrize("integrator", ALIKE)
 def test_the_default_significance_over_resampled_batches(integrator: str) -> None:
     """1e5 pictures put together from 2 400 batches: at 1e-4 ten alarms, in the 99.9 % interval."""
-    pictures = pairs("cornell_box", integrator, 50)
-    cells = means(pictures.reshape(-1, *pictures.shape[3:]), 4)
-    p = resampled(cells.reshape(*pictures.shape[:3], *cells.shape[1:]), 100_000)
-    low, high = stats.binom.interval(0.999, len(p), 1e-4)
-    assert low <= np.count_nonzero(p <= 1e-4) <= high
+    alarms = resampled(pairs("cornell_box", integrator, 50), 100_000)
+    low, high = stats.binom.interval(0.999, 100_000, SIGNIFICANCE)
+    assert low <= alarms <= high

@@ -109,6 +109,11 @@ def test_what_cannot_be_compared_is_status_2(
         assert status == 2 and output.startswith("usdmlt: error: ") and output.count("\n") == 1
     assert "differ in size: 64x64 and 4x4" in output
     assert compare("a.exr", "b.exr", "--significance", "2")[0] == 2
+    for option in ("--flip", "nan"), ("--report", "missing/page.html"), ("--report", "."):
+        status, output = compare("a.exr", "b.exr", *option)
+        assert status == 2 and output.startswith("usdmlt: error: ") and output.count("\n") == 1
+    status, output = compare("a.exr", "b.exr", "--significance", "1e-5")
+    assert status == 2 and "significance must be at least 1.5e-05" in output
     assert compare("a.exr", "b.exr", "--fail", "-1")[0] == 2
 
 
@@ -204,6 +209,87 @@ def test_pixels_that_are_not_finite_are_a_difference() -> None:
     assert "1 pixels are not finite" in result.reasons
 
 
+def with_errors(rgba: np.ndarray, error: np.ndarray | float = 0.01) -> Image:
+    picture = Image.from_rgba(rgba.astype(np.float32))
+    picture.channels["error"] = np.broadcast_to(error, rgba.shape[:2]).astype(np.float32)
+    return picture
+
+
+def noisy(seed: int, level: float = 0.01) -> np.ndarray:
+    """Of 32 x 32 pixels, with the error that with_errors says: noise of all colours alike."""
+    rgba = np.ones((32, 32, 4))
+    rgba[..., :3] = 0.5 + level * np.random.default_rng(seed).normal(size=(32, 32, 1))
+    return rgba
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_errors_that_are_not_finite_hide_nothing(value: float) -> None:
+    error = np.full((32, 32), 0.01)
+    error[3, 4] = value
+    changed = noisy(2)
+    changed[8:16, 8:16, :3] += 0.05
+    result = comparison.compare(with_errors(noisy(1)), with_errors(changed, error))
+    assert result.reasons[0] == "1 pixels have errors that are not finite"
+    assert any("luminance" in reason for reason in result.reasons)
+
+
+def test_by_error_layers_hue_and_alpha_are_looked_at() -> None:
+    reference = with_errors(noisy(1))
+    assert not comparison.compare(reference, with_errors(noisy(2))).different
+    hue = noisy(2)
+    hue[8:24, 8:24, :3] += np.array([0.1, 0, -0.1 * 0.2126 / 0.0722])  # of the same luminance
+    (reason, *_) = comparison.compare(reference, with_errors(hue)).reasons
+    assert reason.startswith(("red +", "blue -"))
+    hole = noisy(2)
+    hole[8:16, 8:16, 3] = 0
+    (reason, *_) = comparison.compare(reference, with_errors(hole)).reasons
+    assert reason.startswith("alpha -")
+    # A pixel at an edge, met by one sample in a hundred.
+    edge = noisy(2)
+    edge[:, 5, 3] -= 0.01
+    assert not comparison.compare(reference, with_errors(edge)).different
+
+
+def test_pictures_in_other_places_of_the_whole_are_different(tmp_path: Path) -> None:
+    rgb = {c: np.full((4, 5), 0.5, np.float32) for c in "RGB"}
+    for name, x in (("a.exr", 1), ("b.exr", 2)):
+        window = {"x": x, "y": 1, "full_width": 9, "full_height": 9}
+        write_parts(tmp_path / name, [Part(rgb, {}, window)])
+    assert not comparison.compare_files(tmp_path / "a.exr", tmp_path / "a.exr").different
+    result = comparison.compare_files(tmp_path / "a.exr", tmp_path / "b.exr")
+    assert result.reasons == ["the data windows differ: they start at (1, 1) and (2, 1)"]
+
+
+def test_all_parts_are_compared(tmp_path: Path) -> None:
+    """Those with channels of the same names, those of other sizes, and colours after others."""
+
+    def write(name: str, *values: float) -> Path:
+        def part(name: str, channels: str, value: float, columns: int = 5) -> Part:
+            pixels = np.full((4, columns), value, np.float32)
+            window = {"x": 0, "y": 0, "full_width": 5, "full_height": 4}
+            return Part(dict.fromkeys(channels, pixels), {"oiio:subimagename": name}, window)
+
+        depth, beauty, diffuse, small = values
+        parts = [
+            part("depth", "Z", depth),
+            part("beauty", "RGBA", beauty),
+            part("diffuse", "RGB", diffuse),
+            part("small", "RGB", small, columns=3),
+        ]
+        write_parts(tmp_path / name, parts)
+        return tmp_path / name
+
+    one = write("one.exr", 1, 0.5, 0.25, 0.75)
+    assert not comparison.compare_files(one, one).different
+    for values, wanted in {
+        (2, 0.5, 0.25, 0.75): ["the layer Z differs in 20 of 20 pixels"],
+        (1, 0.6, 0.25, 0.75): ["20 of 20 pixels differ by more than 1e-06, the most by 0.1"],
+        (1, 0.5, 0.35, 0.75): ["the layer diffuse differs in 20 of 20 pixels"],
+        (1, 0.5, 0.25, 0.85): [f"the layer small.{c} differs in 12 of 12 pixels" for c in "BGR"],
+    }.items():
+        assert comparison.compare_files(one, write("other.exr", *values)).reasons == wanted
+
+
 def test_flip_decides_where_it_is_asked_for(folder: Path) -> None:
     pytest.importorskip("flip_evaluator")
     result = comparison.compare_files(folder / "a.exr", folder / "b.exr", flip=1.0)
@@ -234,6 +320,28 @@ def test_a_reference_comes_back_as_it_was_written(tmp_path: Path) -> None:
     assert np.allclose(back.pictures[:, 3, 4], pictures[:, 6, 8:].mean(axis=1), rtol=2**-10)
     again = references.rounded(back.pictures, back.scale)
     assert np.array_equal(again, back.pictures)
+
+
+def test_a_batch_that_is_not_a_number_is_a_difference_and_the_rest_is_tested() -> None:
+    pictures = np.random.default_rng(1).random((2, 24, 8, 8, 4)).astype(np.float32)
+    pictures[1, 5, 3, 4, 0] = np.nan
+    a, b = (
+        Batches({"color": x.mean(axis=0)[..., :3], "alpha": x.mean(axis=0)[..., 3]}, pictures=x)
+        for x in pictures
+    )
+    result = comparison.compare(a, b)
+    assert result.reasons == ["1 pixels are not finite"]
+    assert result.outcome is not None and 1e-3 < result.outcome.p <= 1
+
+
+@pytest.mark.parametrize(
+    ("changed", "same"),
+    [({"seed": 1}, True), ({"two_stage": False}, False), ({"samples": 48}, False)],
+)
+def test_settings_that_make_other_noise_are_known(changed: dict[str, object], same: bool) -> None:
+    settings = {"integrator": "mlt", "samples": 24, "seed": 0, "two_stage": True}
+    pictures = [Batches({}, made={"settings": settings | more}) for more in ({}, changed)]
+    assert comparison.same_noise(*pictures) == same
 
 
 def test_a_picture_without_batches_is_no_reference(tmp_path: Path) -> None:

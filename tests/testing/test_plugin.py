@@ -180,6 +180,87 @@ def test_a_size_that_changed_is_one_line(referenced: pytest.Pytester) -> None:
     result.stdout.fnmatch_lines(["*references/box.exr: the pictures differ in size: 32x* and 40x*"])
 
 
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("significance=1e-5", "significance must be at least 1.5e-05, not 1e-05*"),
+        ("significance=2", "significance must be between 0 and 1, not 2"),
+        ("detect=0", "detect must be positive, not 0"),
+        ("fail=-1", "fail must not be negative, but is -1"),
+    ],
+)
+def test_what_no_check_could_find_is_refused(
+    referenced: pytest.Pytester, option: str, message: str
+) -> None:
+    body = CHECK.replace(
+        "stage(), **OPTIONS", f"usd_render(stage(), stream=1, **OPTIONS), {option}"
+    )
+    write(referenced, body.replace("(assert_render)", "(assert_render, usd_render)"))
+    result = run(referenced)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines([f"*UsageError: {message}"])
+
+
+@pytest.mark.parametrize("name", ["samples", "cell", "significance"])
+def test_ini_options_that_make_no_sense_are_named(referenced: pytest.Pytester, name: str) -> None:
+    result = run(referenced, "-o", f"usdmlt_{name}=0")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines([f"*UsageError: *usdmlt_{name}*"])
+
+
+def test_folders_that_cannot_be_written_are_one_line(project: pytest.Pytester) -> None:
+    """A file is in their place: to root, all folders can be written."""
+    (project.path / "file").touch()
+    write(project, CHECK)
+    result = run(project, "-o", "usdmlt_references=file/a", "--usdmlt-update")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*Error: cannot write file/a/box.exr: Not a directory"])
+    result = run(project, "--usdmlt-report", "file/out")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["ERROR: --usdmlt-report: *Not a directory*"])
+
+
+def test_pixels_that_are_not_finite_make_no_reference(project: pytest.Pytester) -> None:
+    write(
+        project,
+        """
+def test_box(assert_render, usd_render):
+    picture = usd_render(stage(), **OPTIONS)
+    picture.pictures[3, 4, 5] = float("nan")
+    assert_render(picture)
+""",
+    )
+    result = run(project, "--usdmlt-update")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*Error: 1 pixels are not finite, so this is no reference"])
+    assert not list(project.path.rglob("*.exr"))
+
+
+def test_references_of_other_versions_are_compared(referenced: pytest.Pytester) -> None:
+    """One has settings that there are no more; what cannot be read says how to make it anew."""
+    from dataclasses import replace
+
+    from usdmlt.testing import references
+
+    path = referenced.path / "references" / "box.exr"
+    reference = references.read(path)
+    made = reference.made | {"settings": reference.made["settings"] | {"forgotten": 3}}
+    made["versions"] = made["versions"] | {"usdmlt": "0.0"}
+    references.write(path, replace(reference, made=made, bits="others"), reference.cell)
+    run(referenced).assert_outcomes(passed=1)
+    path.write_bytes(path.read_bytes()[:1000])
+    result = run(referenced)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "cannot read *box.exr*",
+            "  make it anew: pytest test_picture.py::test_box --usdmlt-update",
+        ]
+    )
+    run(referenced, "--usdmlt-update").assert_outcomes(passed=1)
+    run(referenced).assert_outcomes(passed=1)
+
+
 def test_ini_options(project: pytest.Pytester) -> None:
     project.makeini(
         "[pytest]\nusdmlt_references = kept/pictures\nusdmlt_samples = 24\nusdmlt_cell = 4"

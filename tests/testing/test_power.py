@@ -7,7 +7,7 @@ import functools
 import numpy as np
 import pytest
 
-from benchmarks.check_power import CASES, Case, lights, pictures
+from benchmarks.check_power import CASES, Case, lights, render
 from usdmlt.rendering import no_warnings
 from usdmlt.testing.statistics import Outcome, compare_batches
 
@@ -21,7 +21,8 @@ SURE["lights 3 % brighter"] = Case("cornell_box", lights(1.03))
 def picture(case: Case, stream: int, changed: bool) -> np.ndarray:
     """Batches of a case."""
     with no_warnings():
-        return pictures(case, stream, changed=changed, width=64)
+        options = {"integrator": "path", "stream": stream}
+        return render(case, changed=changed, width=64, **options).pictures
 
 
 def outcome(case: Case, changed: bool) -> Outcome:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from usdmlt.testing import cells, statistics
+from usdmlt.testing import cells, exchange, statistics
 from usdmlt.testing.statistics import compare_batches
 
 K = statistics.BATCHES
@@ -91,6 +91,32 @@ def test_p_is_the_share_of_all_signs_that_reach_the_score() -> None:
         reached += score(np.where(swap, b, a), np.where(swap, a, b)) >= seen * (1 - 1e-9)
     assert got.tried == 128
     assert got.p == reached / 128
+
+
+def part_of(x: np.ndarray) -> cells.Part:
+    """Of one cell with these differences."""
+    return cells.Part("", 1, x[:, None], np.ones(1), np.ones(1), (1, 1, 1), False, K - 1.0)
+
+
+def test_p_is_told_when_the_64th_set_of_signs_reaches_the_score() -> None:
+    signs = np.concatenate(list(exchange._signs(K)))[1:]
+    for x in np.random.default_rng(1).normal(size=(20, K)):
+        reached = np.cumsum(np.abs(signs @ x) >= np.abs(x.sum()) * (1 - 1e-9))
+        p, _ = exchange.p_value([part_of(x)], K)
+        if reached[-1] >= 64:
+            assert p == 64 / (np.searchsorted(reached, 64) + 1)
+        else:
+            assert p == (reached[-1] + 1) / (len(signs) + 1)
+
+
+@pytest.mark.slow
+def test_stopping_early_leaves_p_exact() -> None:
+    """60 000 times. It has steps of 64/64, 64/65, …, of which it is spread here. Told from all sets
+    that were tried until a 65th was met, at 1/2 it is off by a per cent."""
+    rng = np.random.default_rng(1)
+    found = [exchange.p_value([part_of(x)], K) for x in rng.normal(size=(60_000, K))]
+    spread = [p - rng.random() * p / tried for p, tried in found]
+    assert stats.kstest(spread, "uniform").pvalue > 1e-3
 
 
 def test_what_is_the_same_is_the_same() -> None:

@@ -56,22 +56,26 @@ def add_parser(subparsers: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print what was found; 0 the same, 1 different."""
+    try:
+        return _compare(arguments)
+    except Error as error:  # whose status is 1 elsewhere
+        raise UsageError(str(error)) from error
+
+
+def _compare(arguments: argparse.Namespace) -> int:
     from usdmlt.testing import comparison
 
     thresholds = _thresholds(arguments)
     if arguments.report:
         files.check_writable(arguments.report)
-    try:
-        result = comparison.compare_files(
-            arguments.reference,
-            arguments.picture,
-            significance=arguments.significance,
-            tolerance=arguments.tolerance,
-            thresholds=thresholds,
-            flip=arguments.flip,
-        )
-    except Error as error:
-        raise UsageError(str(error)) from error
+    result = comparison.compare_files(
+        arguments.reference,
+        arguments.picture,
+        significance=arguments.significance,
+        tolerance=arguments.tolerance,
+        thresholds=thresholds,
+        flip=arguments.flip,
+    )
     print("different" if result.different else "the same")
     for line in result.lines():
         print(f"  {line}")
@@ -90,10 +94,11 @@ def _thresholds(arguments: argparse.Namespace) -> Any:
 
     names = ("fail", "failpercent", "hardfail")
     given = {n: getattr(arguments, n) for n in names if getattr(arguments, n) is not None}
-    for name, value in given.items():
+    for name, value in given.items() | {("flip", arguments.flip or 0.0)}:
         if not value >= 0:
             raise UsageError(f"--{name} must not be negative, but is {value:g}")
-    for name, low, high in (("significance", 0.0, 1.0), ("tolerance", 0.0, 1.0)):
-        if not low <= getattr(arguments, name) < high:
-            raise UsageError(f"--{name} must be between {low:g} and {high:g}")
+    if not 0 < arguments.significance < 1:
+        raise UsageError("--significance must be between 0 and 1")
+    if not 0 <= arguments.tolerance < 1:
+        raise UsageError("--tolerance must be at least 0 and below 1")
     return Thresholds(**given) if given else None

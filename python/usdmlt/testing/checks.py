@@ -10,10 +10,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from usdmlt.errors import Error, UsageError
 from usdmlt.image import Image
+from usdmlt.settings import Settings
 from usdmlt.testing import comparison, fragments, references, report
 from usdmlt.testing.batches import Batches, render_batches
 from usdmlt.testing.comparison import Comparison
@@ -66,6 +68,9 @@ class Check:
         path = self._path(name)
         given = {key: options.pop(key) for key in THRESHOLDS if key in options}
         thresholds = Thresholds(**given) if given else None
+        significance = self.significance if significance is None else significance
+        if detect is not None and not detect > 0:
+            raise UsageError(f"detect must be positive, not {detect:g}")
         if isinstance(stage_or_image, Image) and options:
             raise UsageError(f"a picture is rendered already: {', '.join(options)} cannot be set")
         if not path.exists() and not self.update:
@@ -74,36 +79,41 @@ class Check:
                 f"  {self._command(UPDATE)}",
                 pytrace=False,
             )
-        reference = None
-        if path.exists():
-            try:
-                reference = references.read(path)
-            except Error as error:
-                if not self.update:
-                    pytest.fail(f"{error}\n  make it anew: {self._command(UPDATE)}", pytrace=False)
+        reference = self._reference(path)
         picture = self._picture(stage_or_image, reference, options)
         if self.update:
             self._write(path, picture, reference)
             return
         assert reference is not None
-        try:
-            result = comparison.compare(
-                reference,
-                picture,
-                significance=self.significance if significance is None else significance,
-                thresholds=thresholds,
-                flip=flip,
-            )
-        except UsageError as error:
+        if picture["color"].shape != reference["color"].shape:
+            sizes = [f"{x.width}x{x.height}" for x in (reference, picture)]
             pytest.fail(
-                f"{self._shown(path)}: {error}\n  accept: {self._command(UPDATE)}", pytrace=False
+                f"{self._shown(path)}: the pictures differ in size: {sizes[0]} and {sizes[1]}\n"
+                f"  accept: {self._command(UPDATE)}",
+                pytrace=False,
             )
+        result = comparison.compare(
+            reference, picture, significance=significance, thresholds=thresholds, flip=flip
+        )
         if exact and result.method != "same bits":
             result.reasons.insert(0, "the bits differ, and exact=True asks for the same")
         if not result.different:
             self._ask_for_power(result, detect, reference)
         if result.different:
             self._fail(path, result, reference, picture)
+
+    def _reference(self, path: Path) -> Batches | None:
+        """None where there is none, or none that can be read and that is to be made anew."""
+        __tracebackhide__ = True
+        problem = ""
+        if path.exists():
+            try:
+                return references.read(path)
+            except Error as error:
+                problem = str(error)
+        if problem and not self.update:
+            pytest.fail(f"{problem}\n  make it anew: {self._command(UPDATE)}", pytrace=False)
+        return None
 
     def _picture(
         self, stage_or_image: Any, reference: Batches | None, options: Mapping[str, Any]
@@ -124,7 +134,13 @@ class Check:
         same = reference is not None and reference.bits == picture.bits
         if same and reference is not None and reference.made == picture.made:
             return
-        path.parent.mkdir(parents=True, exist_ok=True)
+        broken = int(np.count_nonzero(~np.isfinite(picture.pictures).all(axis=(0, -1))))
+        if broken:
+            raise Error(f"{broken} pixels are not finite, so this is no reference")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise Error(f"cannot write {self._shown(path)}: {error.strerror}") from None
         references.write(path, picture, self.cell)
 
     def _ask_for_power(self, result: Comparison, detect: float | None, reference: Batches) -> None:
@@ -175,7 +191,8 @@ def as_before(reference: Batches | None, update: bool) -> dict[str, Any]:
     if reference is None or update:
         return {}
     made: dict[str, Any] = reference.made
-    settings = {k: v for k, v in made.get("settings", {}).items() if v is not None}
+    known = {field.name for field in fields(Settings)}  # versions differ in these
+    settings = {k: v for k, v in made.get("settings", {}).items() if v is not None and k in known}
     if settings.get("integrator") != "mlt":
         for name in ("mutation_weights", "direct", "selective", "two_stage"):
             settings.pop(name, None)
@@ -191,7 +208,7 @@ def provenance(reference: Batches, picture: Image) -> list[str]:
     lines = []
     if one.get("stage_hash") and other.get("stage_hash"):
         same = one["stage_hash"] == other["stage_hash"]
-        lines.append(f"the stage is {'the same' if same else 'not the one'} of the reference")
+        lines.append(f"the stage is {'the one' if same else 'not the one'} of the reference")
     for name in ("versions", "settings"):
         old, new = one.get(name, {}), other.get(name, {})
         changed = [key for key in sorted(old.keys() | new.keys()) if old.get(key) != new.get(key)]

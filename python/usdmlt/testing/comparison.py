@@ -17,15 +17,14 @@ from usdmlt.image import Image
 from usdmlt.image_files import read_parts
 from usdmlt.testing import metrics, references
 from usdmlt.testing.batches import Batches, means
-from usdmlt.testing.cells import LUMINANCE
-from usdmlt.testing.error_layers import compare_errors
+from usdmlt.testing.error_layers import compare_pictures
 from usdmlt.testing.metrics import Metrics, Thresholds
 from usdmlt.testing.outcome import Outcome
 from usdmlt.testing.statistics import SIGNIFICANCE, TOLERANCE, compare_batches
 
 Method = Literal["same bits", "batches", "errors", "values"]
-# Settings that decide how noise is distributed.
-NOISE = ("integrator", "samples", "filter", "depth", "mutation_weights", "direct", "selective")
+# Settings that do not decide how noise is distributed.
+INDIFFERENT = ("seed", "aovs", "mutations", "embree_isa")  # mutations are told as samples
 # Errors of all pixels together: chains are scaled by one estimate of b per unit.
 COMMON_ERRORS = ("mlt",)
 
@@ -69,7 +68,8 @@ class Comparison:
             if not self.reasons and math.isfinite(outcome.detectable):
                 lines.append(f"smallest change that would have been seen: {detectable(outcome)}")
         elif self.method == "same bits":
-            lines.append("the pictures are the same, bit for bit")
+            same = "colours and alpha" if self.reasons else "pictures"
+            lines.append(f"the {same} are the same, bit for bit")
         lines.append(str(self.metrics))
         return lines + self.notes
 
@@ -113,9 +113,17 @@ def compare(
         result.reasons.append(
             f"the colour spaces differ: {reference.color_space} and {picture.color_space}"
         )
+    places = [_place(x) for x in (reference, picture)]
+    if places[0] != places[1]:
+        result.reasons.append(f"the data windows differ: they start at {places[0]} and {places[1]}")
     broken = int(np.count_nonzero(~np.isfinite(np.dstack(rgba)).all(axis=-1)))
     if broken and method != "same bits":
         result.reasons.append(f"{broken} pixels are not finite")
+    if method == "errors":
+        errors = np.dstack([reference["error"], picture["error"]])
+        broken = int(np.count_nonzero(~np.isfinite(errors).all(axis=-1)))
+        if broken:
+            result.reasons.append(f"{broken} pixels have errors that are not finite")
     if outcome is not None and outcome.different:
         result.reasons += [str(finding) for finding in outcome.findings]
     if thresholds is not None or method == "values":
@@ -152,11 +160,13 @@ def _test(
         notes = ["from error layers, so p is approximate"]
         if common:
             notes.append("the whole picture's brightness was not tested: its error is not known")
-        a, b = (
-            np.nan_to_num(x["color"]).astype(np.float64) @ LUMINANCE for x in (reference, picture)
-        )
-        outcome = compare_errors(
-            a, errors[0], b, errors[1], common=common, significance=significance
+        outcome = compare_pictures(
+            _rgba(reference),
+            errors[0],
+            _rgba(picture),
+            errors[1],
+            common=common,
+            significance=significance,
         )
         return outcome, "errors", notes
     return None, "values", []
@@ -173,9 +183,15 @@ def _alike(
         return None, 0
     scale = reference.scale
     a, b = (
-        references.rounded(means(x.pictures, cell // x.cell), scale) for x in (reference, picture)
+        references.rounded(means(_known(x.pictures), cell // x.cell), scale)
+        for x in (reference, picture)
     )
     return (a, b), cell
+
+
+def _known(pictures: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """0 where they are not numbers: that is a difference by itself."""
+    return np.where(np.isnan(pictures), np.float32(0), pictures)
 
 
 def same_noise(reference: Batches, picture: Batches) -> bool:
@@ -185,8 +201,11 @@ def same_noise(reference: Batches, picture: Batches) -> bool:
         return False
     if one.get("plan") != other.get("plan"):
         return False
-    settings = [made.get("settings", {}) for made in (one, other)]
-    return all(settings[0].get(name) == settings[1].get(name) for name in NOISE)
+    settings = [
+        {k: v for k, v in made.get("settings", {}).items() if k not in INDIFFERENT}
+        for made in (one, other)
+    ]
+    return settings[0] == settings[1]
 
 
 def _by_thresholds(result: Comparison, thresholds: Thresholds) -> None:
@@ -223,7 +242,7 @@ def _by_layers(result: Comparison) -> None:
         if count and result.method != "same bits" and _is_noisy(layer, one, other):
             noisy.append(name)
         elif count:
-            pixels = one.width * one.height
+            pixels = a.shape[0] * a.shape[1]
             result.reasons.append(f"the layer {name} differs in {count} of {pixels} pixels")
     if noisy:
         result.notes.append(f"not compared, as their noise is not known: {', '.join(noisy)}")
@@ -242,6 +261,12 @@ def _is_noisy(layer: layers.Layer, *pictures: Image) -> bool:
     for picture in pictures:
         stems |= json.loads(picture.metadata.get("light_paths", "{}")).keys()
     return layer.source == "paths" or layer.stem in stems
+
+
+def _place(picture: Image) -> tuple[int, int]:
+    """Of the upper left pixel in the whole picture."""
+    window: Any = picture.metadata.get("data_window") or {"x": 0, "y": 0}
+    return window["x"], window["y"]
 
 
 def _rgba(picture: Image) -> npt.NDArray[np.float32]:
@@ -268,13 +293,19 @@ def read(path: str | os.PathLike[str]) -> Image:
     Without R, G, B what is called Y, or the first channel there is, stands for all three.
     """
     try:
-        _, channels = next(read_parts(path))
+        found = list(read_parts(path))
     except OSError as error:
         raise Error(f"cannot read {path}: {error}") from None
+    channels = exr.merged(found)
     if {"R", "G", "B"} <= channels.keys():
         picture = image.read(path)
         batches = references.read_batches(path, picture)
-        return picture if batches is None else batches
-    grey = channels.pop("Y" if "Y" in channels else next(iter(channels))).astype(np.float32)
-    alpha = channels.pop("A", np.ones_like(grey)).astype(np.float32)
-    return Image({"color": np.dstack([grey] * 3), "alpha": alpha} | channels)
+        picture = picture if batches is None else batches
+    else:
+        grey = channels.pop("Y" if "Y" in channels else next(iter(channels))).astype(np.float32)
+        alpha = channels.pop("A", np.ones_like(grey)).astype(np.float32)
+        metadata = exr.read_metadata(found[0][0])
+        color = {"color": np.dstack([grey] * 3), "alpha": alpha}
+        picture = Image(color | channels, metadata=metadata)
+    picture.channels |= exr.of_other_sizes(found)
+    return picture

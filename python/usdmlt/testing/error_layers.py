@@ -6,20 +6,68 @@ in units of its standard error by pixel, tells that itself: at every size of cel
 holds while most of the picture is unchanged. So does the answer: a p-value that is about right, and
 blind to changes of the whole picture where the errors may have a common part, as those of
 Metropolis light transport do.
+
+The layer is of luminance Y = sum w_c x_c. Where noise of the colours is not against each other, the
+error of x_c is at most that of Y over w_c; that of alpha, a share of the samples, is at most
+sqrt(alpha (1 - alpha)). So changes of these have to be larger to be found.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
-from usdmlt.testing.cells import FAINT, halved, local_median
+from usdmlt.testing.cells import CHANNELS, FAINT, LUMINANCE, Array, halved, local_median
 from usdmlt.testing.outcome import Finding, Outcome
 from usdmlt.testing.statistics import SIGNIFICANCE
 
 FREEDOM = 15.0  # of an error from sixteen batches
 FEWEST_CELLS = 32  # from which a median is told
 MEDIAN = 0.6745  # of |z| of a standard normal number
+
+
+def compare_pictures(
+    reference: npt.NDArray[np.floating],
+    reference_error: npt.NDArray[np.floating],
+    picture: npt.NDArray[np.floating],
+    picture_error: npt.NDArray[np.floating],
+    *,
+    common: bool,
+    significance: float = SIGNIFICANCE,
+) -> Outcome:
+    """Test (rows, columns, 4), RGB and alpha, by the errors of their luminance; see the module.
+
+    What is not finite counts as 0.
+    """
+    a, b = (_finite(x) for x in (reference, picture))
+    errors = [_finite(x) for x in (reference_error, picture_error)]
+    luminance = a[..., :3] @ LUMINANCE, b[..., :3] @ LUMINANCE
+    compared = [("luminance", *luminance, *errors)]
+    for c, (name, weight) in enumerate(zip(CHANNELS[1:4], LUMINANCE, strict=True)):
+        compared.append((name, a[..., c], b[..., c], *(error / weight for error in errors)))
+    share = np.clip((a[..., 3] + b[..., 3]) / 2, 0, 1)
+    bound = np.sqrt(share * (1 - share))
+    compared.append(("alpha", a[..., 3], b[..., 3], bound, bound))
+    each = significance / len(compared)
+    outcomes = [
+        compare_errors(x, x_error, y, y_error, common=common, significance=each, what=name)
+        for name, x, y, x_error, y_error in compared
+    ]
+    found = [finding for outcome in outcomes for finding in outcome.findings]
+    return replace(
+        outcomes[0],
+        p=min(1.0, len(outcomes) * min(outcome.p for outcome in outcomes)),
+        significance=significance,
+        findings=sorted(found, key=lambda finding: finding.score, reverse=True)[:3],
+        same_bits=all(outcome.same_bits for outcome in outcomes),
+        map=np.maximum.reduce([outcome.map for outcome in outcomes]),
+    )
+
+
+def _finite(x: npt.NDArray[np.floating]) -> Array:
+    return np.nan_to_num(np.asarray(x, np.float64), posinf=0.0, neginf=0.0)
 
 
 def compare_errors(
@@ -30,8 +78,9 @@ def compare_errors(
     *,
     common: bool,
     significance: float = SIGNIFICANCE,
+    what: str = CHANNELS[0],
 ) -> Outcome:
-    """Test luminances (rows, columns) by their standard errors; see the module.
+    """Test values (rows, columns), of ``what``, by their standard errors; see the module.
 
     ``common``: whether the errors of all pixels may have a common part.
     """
@@ -65,11 +114,14 @@ def compare_errors(
             row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
             findings.append(
                 Finding(
-                    "luminance",
+                    what,
                     size,
                     int(column) * size,
                     int(row) * size,
-                    float(difference[row, column] / brightness[row, column]),
+                    float(
+                        difference[row, column]
+                        / (1 if what == "alpha" else brightness[row, column])
+                    ),
                     float(t[row, column]),
                     float(scores[row, column]),
                     False,

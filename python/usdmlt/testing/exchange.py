@@ -11,7 +11,7 @@ from usdmlt.testing.cells import Array, Part, parts, without_outliers
 from usdmlt.testing.outcome import Evidence
 
 MOST_SIGNS = 1 << 16
-ENOUGH = 64  # sets of signs that reach S, after which p is told from those that were tried
+ENOUGH = 64  # sets of signs that reach S, of which p is told when the last of them is met
 # Products of matrices that OpenBLAS leaves to one thread: by more, these small ones take longer.
 PRODUCTS = 1 << 18
 ROWS = 32
@@ -68,10 +68,12 @@ def _largest(cells: list[tuple[Part, Array]], signs: Array) -> Array:
     return scores
 
 
-def p_value(parts: list[Part], batches: int) -> tuple[float, int]:
+def p_value(parts: list[Part], batches: int, enough: int = ENOUGH) -> tuple[float, int]:
     """Share of the sets of signs that reach the score of what was seen, and how many were tried.
 
-    Cells that cannot reach it under any signs need not be looked at.
+    Cells that cannot reach it under any signs need not be looked at. No more are tried when
+    ``enough`` have reached it, of the random ones: their share of those before, the last included,
+    is as exact a p-value (Besag & Clifford 1991, "Sequential Monte Carlo p-values").
     """
     score = float(_largest([(part, part.x) for part in parts], np.ones((1, batches)))[0])
     able = []
@@ -81,10 +83,13 @@ def p_value(parts: list[Part], batches: int) -> tuple[float, int]:
     reached = tried = 0
     for signs in _signs(batches):
         scores = _largest(able, signs)
-        reached += int(np.count_nonzero(scores >= score - 1e-9 * max(abs(score), 1.0)))
+        hits = np.flatnonzero(scores >= score - 1e-9 * max(abs(score), 1.0))
+        missing = enough + 1 - reached  # what was seen is one of them
+        if len(hits) >= missing:
+            tried += int(hits[missing - 1]) + 1
+            return enough / (tried - 1), tried
+        reached += len(hits)
         tried += len(signs)
-        if reached > ENOUGH:
-            break
     return reached / tried, tried
 
 

@@ -12,7 +12,7 @@ PARTS = ".usdmlt-parts"
 
 
 def begin(folder: Path) -> None:
-    """Make the folder, and forget what a run that was killed has left there."""
+    """Make the folder, and forget what a run that was killed has left there; OSError if not."""
     shutil.rmtree(folder / PARTS, ignore_errors=True)
     (folder / PARTS).mkdir(parents=True)
 

@@ -5,13 +5,14 @@ For pictures of other renderers, and beside the statistical test: how much, not 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from usdmlt import color
+from usdmlt.errors import UsageError
 
 Picture = npt.NDArray[np.float32]
 EPSILON = 0.01
@@ -71,6 +72,12 @@ class Thresholds:
     fail: float = 1e-6
     failpercent: float = 0.0
     hardfail: float = float("inf")
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not value >= 0:
+                raise UsageError(f"{field.name} must not be negative, but is {value:g}")
 
 
 @dataclass(frozen=True)
@@ -134,8 +141,11 @@ def measure(
     color_space: str = color.DEFAULT,
     fail: float = Thresholds.fail,
 ) -> Metrics:
-    """All of them, of (height, width, 4): RGB, and alpha, which the difference alone looks at."""
-    a, b = (np.nan_to_num(x[..., :3]) for x in (picture, reference))
+    """All of them, of (height, width, 4): RGB, and alpha, which the difference alone looks at.
+
+    What is not finite counts as 0, but in the difference.
+    """
+    a, b = (np.nan_to_num(x[..., :3], posinf=0, neginf=0) for x in (picture, reference))
     flip = flip_map(a, b, color_space)
     return Metrics(
         rel_mse=float(rel_mse_map(a, b).mean()),

@@ -36,7 +36,7 @@ class Finding:
     size: int  # pixels across; 0 of a pattern of the whole picture
     x: int  # of the upper left pixel
     y: int
-    change: float  # relative to the brightness there; of gamma and shifts their amount
+    change: float  # relative to the brightness there; of alpha, gamma and shifts their amount
     t: float
     score: float
     clipped: bool
@@ -45,8 +45,10 @@ class Finding:
         if self.size == 0:
             amount = f"{self.change:+.2f} px" if "shift" in self.what else f"{self.change:+.2%}"
             return f"{self.what} {amount} (t = {self.t:.1f})"
+        amount = f"{self.change:+.3f}" if self.what == "alpha" else f"{self.change:+.2%}"
+        of = "" if self.what == "alpha" else " of the brightness"
         return (
-            f"{self.what} {self.change:+.2%} of the brightness in the {self.size}x{self.size} "
+            f"{self.what} {amount}{of} in the {self.size}x{self.size} "
             f"pixels at ({self.x}, {self.y}) (t = {self.t:.1f})"
         )
 
@@ -110,12 +112,13 @@ def findings(evidence: Evidence, most: int = 5) -> list[Finding]:
         t = part.observed
         scores = part.scores(np.abs(t))
         for i in np.argsort(scores)[::-1][:most]:
-            change = float(t[i] * part.error[i] / part.brightness[i])
+            change = float(t[i] * part.error[i])
             if part.size == 0:
                 what, x, y = PATTERNS[i], 0, 0
             else:
                 row, column, channel = np.unravel_index(i, part.shape)
                 what, x, y = CHANNELS[channel], int(column) * part.size, int(row) * part.size
+                change /= 1 if what == "alpha" else float(part.brightness[i])
             found.append(
                 Finding(what, part.size, x, y, change, float(t[i]), float(scores[i]), part.clipped)
             )

@@ -63,7 +63,10 @@ def pytest_configure(config: pytest.Config) -> None:
         return
     from usdmlt.testing.fragments import begin
 
-    begin(Path(folder))
+    try:
+        begin(Path(folder))
+    except OSError as error:
+        raise pytest.UsageError(f"{REPORT}: {error}") from error
 
 
 _REPORT = pytest.StashKey[Path]()
@@ -107,6 +110,11 @@ def _check(request: pytest.FixtureRequest) -> Check:
         significance = float(config.getini("usdmlt_significance"))
     except ValueError as error:
         raise pytest.UsageError(f"usdmlt's ini options: {error}") from error
+    if min(samples, cell) < 1 or not 0 < significance < 1:
+        raise pytest.UsageError(
+            "usdmlt_samples and usdmlt_cell must be at least 1, usdmlt_significance below 1, not "
+            f"{samples}, {cell}, {significance:g}"
+        )
     return Check(
         test=request.node.nodeid,
         folder=request.path.parent / config.getini("usdmlt_references"),

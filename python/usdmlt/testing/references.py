@@ -91,6 +91,10 @@ def read_batches(path: str | os.PathLike[str], picture: image.Image) -> Batches 
     cell, made = spec.get_int_attribute("usdmlt:cell"), spec.get_string_attribute("usdmlt:made")
     if sorted(names) != sorted(wanted) or cell < 1 or not made:
         raise Error(f"cannot read {path}: its batches are not as usdmlt writes them")
+    try:
+        made = json.loads(made)
+    except ValueError:
+        raise Error(f"cannot read {path}: what it says of its making is no JSON") from None
     scale = float(spec.get_float_attribute("usdmlt:scale", 1.0))
     stored = pixels[..., [names.index(name) for name in wanted]]
     stored = stored.reshape(*stored.shape[:2], count, len(CHANNELS)).transpose(2, 0, 1, 3)
@@ -100,7 +104,7 @@ def read_batches(path: str | os.PathLike[str], picture: image.Image) -> Batches 
         metadata=picture.metadata,
         pictures=np.ascontiguousarray(stored) * np.float32(scale),
         cell=cell,
-        made=json.loads(made),
+        made=made,
         bits=spec.get_string_attribute("usdmlt:bits"),
         scale=scale,
     )

@@ -103,14 +103,16 @@ def _zoom(width: int) -> int:
 
 def _exposure(picture: Image) -> float:
     """A power of two that brings very dark and very bright pictures into view; mostly 1."""
-    mean = float(np.nan_to_num(picture["color"]).mean())
+    mean = float(np.nan_to_num(picture["color"], posinf=0, neginf=0).mean())
     if not mean > 0 or 0.02 < mean < 2:
         return 1.0
     return float(2.0 ** np.round(np.log2(0.2 / mean)))
 
 
 def _maps(result: Comparison) -> dict[str, str]:
-    a, b = (np.nan_to_num(x["color"]) for x in (result.reference, result.picture))
+    a, b = (
+        np.nan_to_num(x["color"], posinf=0, neginf=0) for x in (result.reference, result.picture)
+    )
     change = (b - a).mean(axis=-1)
     scale = float(np.quantile(np.abs(a), 0.9)) or float(np.abs(change).max()) or 1.0
     red_blue = np.clip(0.5 + np.stack([change, 0 * change, -change], axis=-1) / scale, 0, 1)
@@ -163,7 +165,7 @@ def _tables(result: Comparison) -> str:
 
 def _ramp(values: npt.NDArray[np.floating]) -> str:
     """Values from 0 to 1 as colours."""
-    x = np.clip(values, 0, 1) * (len(RAMP) - 1)
+    x = np.clip(np.nan_to_num(values), 0, 1) * (len(RAMP) - 1)
     channels = [np.interp(x, range(len(RAMP)), RAMP[:, c]) for c in range(3)]
     return _png(np.stack(channels, axis=-1).astype(np.uint8))
 

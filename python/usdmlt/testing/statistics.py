@@ -61,11 +61,18 @@ def compare_batches(
     ``reference``, ``picture``: (batches, rows, columns, 4), linear RGB and alpha, batch k of one
     independent of batch j != k of either. ``cell``: pixels across of what is a pixel here.
     ``alike``: whether noise is distributed in one way in both; else p is approximate.
-    ValueError where ``significance`` is less than so few batches can show.
+    ValueError where ``significance`` is less than so few batches, or 1 / 65 536, can show.
     """
     a, b = (np.asarray(x, dtype=np.float64) for x in (reference, picture))
     if a.shape != b.shape or a.ndim != 4:
         raise UsageError(f"batches of the shapes {a.shape} and {b.shape} cannot be compared")
+    if not 0 < significance < 1:
+        raise UsageError(f"significance must be between 0 and 1, not {significance:g}")
+    if significance < 1 / exchange.MOST_SIGNS:
+        raise UsageError(
+            f"significance must be at least {1 / exchange.MOST_SIGNS:.2g}, not {significance:g}: "
+            "p is not told apart further"
+        )
     if 2.0 ** (1 - len(a)) > significance:
         raise UsageError(
             f"{len(a)} batches cannot show a significance of {significance:g}: "
