@@ -114,6 +114,17 @@ def test_values_of_another_type_name_their_attribute(read, body, says):
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.parametrize(
+    "value",
+    ['token usdmlt:integrator = """two\nlines"""', "matrix4d usdmlt:integrator = ( (1, 0, 0, 0), "
+     "(0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1) )"],
+)  # fmt: skip
+def test_values_of_several_lines_are_quoted_in_one(read, value):
+    with pytest.raises(Error, match=r"^/s: .*integrator (is|must)") as raised:
+        read(f'def RenderSettings "s" {{ {value} }}')
+    assert "\n" not in str(raised.value)
+
+
 def test_values_of_another_type_are_named_inside_of_instances_too(read, write):
     write('def "k" { def Cube "c" { string primvars:displayOpacity = "a" } }', name="k.usda")
     with pytest.raises(Error, match=r"^/a/c\.primvars:displayOpacity is of type string"):
