@@ -188,6 +188,12 @@ def test_the_pole_is_turned_before_the_light_is(only_light):
     assert np.array([0, 1, 0, 0]) @ light.transform == pytest.approx([1, 0, 0, 0], abs=1e-12)
 
 
+def test_a_distant_light_at_no_place_names_its_path(read):
+    with pytest.raises(Error, match="^/l: the light's transform is not finite"):
+        read("""def DistantLight "l" { double3 xformOp:translate = (inf, 0, 0)
+            uniform token[] xformOpOrder = ["xformOp:translate"] }""")
+
+
 def test_invisible_lights_are_off(examine):
     found = examine("""def RectLight "l" { token visibility = "invisible" }
         def SphereLight "s" {}""")
