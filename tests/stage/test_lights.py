@@ -189,7 +189,7 @@ def test_the_pole_is_turned_before_the_light_is(only_light):
 
 
 def test_a_distant_light_at_no_place_names_its_path(read):
-    with pytest.raises(Error, match="^/l: the light's transform is not finite"):
+    with pytest.raises(Error, match=r"^/l: the light's transform is not finite"):
         read("""def DistantLight "l" { double3 xformOp:translate = (inf, 0, 0)
             uniform token[] xformOpOrder = ["xformOp:translate"] }""")
 
