@@ -13,6 +13,10 @@ PATHS_NAMED = 3  # prim paths a warning names before it only counts
 class Error(Exception):
     """What was asked for cannot be done. The message is one line and names the prim or the file."""
 
+    def __init__(self, message: str):
+        # Values that are quoted, matrices and strings, may have several.
+        super().__init__(" ".join(line.strip() for line in message.splitlines()))
+
 
 class UsageError(ValueError):
     """A value that makes no sense, such as an image of 0 pixels."""

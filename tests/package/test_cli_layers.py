@@ -146,6 +146,12 @@ def test_what_is_no_layer_is_one_line_and_status_2(stage, capfd, asked, message)
     assert not Path("shot.exr").exists()
 
 
+def test_layers_asked_for_of_a_picture_that_has_none_are_refused(stage, capfd):
+    assert render(stage, "shot.png", "--aov", "N") == 2
+    assert "--aov is of an .exr" in capfd.readouterr().err
+    assert not Path("shot.png").exists()
+
+
 def test_too_many_layers_of_paths_are_refused(stage, capfd):
     many = ",".join(f"l{i}=C.{{{i}}}L" for i in range(65))
     assert render(stage, "shot.exr", "--aov", many) == 2

@@ -28,6 +28,18 @@ def test_malformed_specifications_are_refused(specification: str) -> None:
         parse_frames(specification)
 
 
+def test_more_frames_than_anyone_renders_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"frames '1:1e9' are more than 1000000"):
+        parse_frames("3,1:1e9")
+
+
+def test_strides_without_an_exact_sum_have_file_names() -> None:
+    frames = parse_frames("1:2x0.1")
+    assert any(frame != round(frame, 1) for frame in frames)
+    check_placeholder("shot.###.#.exr", frames)
+    assert frame_path("shot.###.#.exr", frames[7]) == "shot.001.7.exr"
+
+
 @pytest.mark.parametrize(
     ("path", "frame", "expected"),
     [

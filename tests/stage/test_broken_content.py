@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from usdmlt.errors import Error
@@ -89,6 +90,60 @@ def test_points_of_a_type_that_is_none_of_points_are_a_warning(read, examine, ty
     }}"""
     assert read(body).meshes == []
     assert ("meshes without points", ["/m"]) in [(w.kind, w.paths) for w in examine(body).warnings]
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        ('Sphere "x" { string primvars:displayOpacity = "a" }', "string, not float\\[\\]"),
+        ('SphereLight "x" { float3[] inputs:color = [(1, 1, 1)] }', "float3\\[\\], not color3f"),
+        ('SphereLight "x" { int color = 1 }', "int, not color3f"),
+        ('Camera "x" { float shutter:open = 0\ndouble[] shutter:close = [1] }', "not double"),
+        ('Camera "x" { int clippingRange = 7 }', "int, not float2"),
+        ('Points "x" { point3f[] points = [(0, 0, 0)]\nfloat3[] widths = [(1, 1, 1)] }', "float3"),
+        ('PointInstancer "x" { string protoIndices = "a" }', "string, not int\\[\\]"),
+        ('RenderSettings "x" { int resolution = 640 }', "int, not int2"),
+        ('NurbsPatch "x" { string uVertexCount = "a" }', "string, not int"),
+        ('Mesh "x" { QUAD\nint holeIndices = 1 }', "int, not int\\[\\]"),
+    ],
+)
+def test_values_of_another_type_name_their_attribute(read, body, says):
+    """USD itself lets them pass."""
+    with pytest.raises(Error, match=f"^/x\\.[a-zA-Z:]+ is of type .*{says}") as raised:
+        read(f"def {body}")
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "value",
+    ['token usdmlt:integrator = """two\nlines"""', "matrix4d usdmlt:integrator = ( (1, 0, 0, 0), "
+     "(0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1) )"],
+)  # fmt: skip
+def test_values_of_several_lines_are_quoted_in_one(read, value):
+    with pytest.raises(Error, match=r"^/s: .*integrator (is|must)") as raised:
+        read(f'def RenderSettings "s" {{ {value} }}')
+    assert "\n" not in str(raised.value)
+
+
+def test_values_of_another_type_are_named_inside_of_instances_too(read, write):
+    write('def "k" { def Cube "c" { string primvars:displayOpacity = "a" } }', name="k.usda")
+    with pytest.raises(Error, match=r"^/a/c\.primvars:displayOpacity is of type string"):
+        read('def "a" ( references = @./k.usda@</k>\ninstanceable = true ) {}')
+
+
+def test_numbers_of_another_precision_are_read(read):
+    body = """def Sphere "s" { int radius = 2\ndouble3[] primvars:displayColor = [(1, 0, 0)] }
+        def DistantLight "l" { double inputs:intensity = 3\nfloat3 inputs:color = (1, 1, 1) }"""
+    scene = read(body)
+    assert np.abs(scene.meshes[0].points).max() == pytest.approx(2)
+    assert scene.lights[0].radiance[0] > 0
+
+
+@pytest.mark.parametrize("typed", ["normal3f normals = (0, 0, 1)", 'string normals = "up"'])
+def test_normals_that_are_no_vectors_are_a_warning(examine, typed):
+    found = examine(f'def Mesh "m" {{ QUAD\n{typed} }}').warnings
+    kind = "normals that are no vectors are ignored"
+    assert [w.paths for w in found if w.kind == kind] == [["/m.normals"]]
 
 
 def test_very_small_and_very_large_scales_are_not_singular(read):

@@ -194,6 +194,11 @@ def test_the_stage_names_its_render_settings(read):
             'float3 xformOp:scale = (0, 1, 1)\nuniform token[] xformOpOrder = ["xformOp:scale"]',
             "/c: the camera's transform is singular",
         ),
+        (
+            "matrix4d xformOp:transform = ((1, 0, 0, 5), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 0))"
+            '\nuniform token[] xformOpOrder = ["xformOp:transform"]',
+            "/c: the camera's transform is singular",
+        ),
     ],
 )
 def test_cameras_that_cannot_see_name_their_path(read, extra, says):

@@ -142,3 +142,26 @@ def test_formats_of_colours_agree(name):
     depth = {"8": np.uint8, "16": np.uint16}[name.split("_")[-1].removesuffix("-bit")]
     assert {texture.pixels.dtype.type for texture in scene.textures} == {depth}
     assert all((t.decode is not None) == (depth is np.uint8) for t in scene.textures)
+
+
+def test_normals_of_any_type_are_those_of_the_boxes():
+    """NormalsTypes: authored normals of every type, also of none of normals, are those of faces.
+    As subdivision surfaces, which the file has, all are the same."""
+    path = TESTS / "schemaTests" / "usdGeom" / "meshes" / "normals_types" / "normalsTypes.usda"
+    first, *others = load(path).meshes
+    assert len(others) == 16
+    for mesh in others:
+        assert_allclose(mesh.points, first.points)
+        assert_allclose(mesh.normals.values, first.normals.values)
+    flat = {f"{mesh.name}.subdivisionScheme": "none" for mesh in (first, *others)}
+    with_normals = 0
+    for mesh in load(path, overrides=flat).meshes:
+        a, b, c = np.moveaxis(mesh.points[mesh.triangles], 1, 0)
+        across = np.cross(b - a, c - a)
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        if mesh.normals is None:  # as triangles are
+            continue
+        corners = mesh.triangles if mesh.normals.corners is None else mesh.normals.corners
+        assert_allclose(mesh.normals.values[corners], across[:, None].repeat(3, axis=1), atol=1e-6)
+        with_normals += 1
+    assert with_normals == 8

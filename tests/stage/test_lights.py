@@ -182,10 +182,16 @@ def test_dome_poles(only_light):
 
 def test_the_pole_is_turned_before_the_light_is(only_light):
     light = only_light("""def DomeLight_1 "l" { token poleAxis = "Z"
-        float xformOp:rotateX = 90
-        uniform token[] xformOpOrder = ["xformOp:rotateX"] }""")
-    # The pole goes to +z, and the light's own rotation takes that to -y.
-    assert np.array([0, 1, 0, 0]) @ light.transform == pytest.approx([0, -1, 0, 0], abs=1e-12)
+        float xformOp:rotateY = 90
+        uniform token[] xformOpOrder = ["xformOp:rotateY"] }""")
+    # The pole goes to +z, and the light's own rotation takes that to +x.
+    assert np.array([0, 1, 0, 0]) @ light.transform == pytest.approx([1, 0, 0, 0], abs=1e-12)
+
+
+def test_a_distant_light_at_no_place_names_its_path(read):
+    with pytest.raises(Error, match=r"^/l: the light's transform is not finite"):
+        read("""def DistantLight "l" { double3 xformOp:translate = (inf, 0, 0)
+            uniform token[] xformOpOrder = ["xformOp:translate"] }""")
 
 
 def test_invisible_lights_are_off(examine):

@@ -176,6 +176,20 @@ def test_a_mask_that_is_no_prim_path_is_a_wrong_value(read):
         read('def Cube "c" {}', mask=["c"])
 
 
+@pytest.mark.parametrize("path", ["/nope", "/c/nope"])
+def test_a_mask_of_what_is_not_there_is_an_error(read, path):
+    with pytest.raises(Error, match=f"^{path}: the mask asks for it"):
+        read('def Cube "c" {}', mask=["/c", path])
+
+
+def test_a_mask_may_reach_into_variants_and_instances(read):
+    body = """def "k" { def Cube "c" {} }
+        def "a" ( references = </k>\ninstanceable = true ) {}
+        def "v" ( variants = { string s = "one"\n }\nprepend variantSets = "s" ) {
+        variantSet "s" = { "one" {}\n "two" { def Cube "d" {} } } }"""
+    assert len(read(body, mask=["/a/c", "/v/d"], variants={"/v:s": "two"}).meshes) == 2
+
+
 def test_unresolved_references_are_warned_of_and_the_rest_is_read(examine):
     found = examine('def Cube "c" {}\ndef "r" (references = @gone.usda@) {}')
     assert found.meshes == 1

@@ -1,8 +1,9 @@
 """Whatever a stage holds, it renders to finite numbers or is refused by one line.
 
 Stages are made from the schemas themselves: prims of every type that is read, and some that are
-not, in a random tree; any of their attributes set to a value of its type, sensible or not, arrays
-of lengths that need not fit, relationships to any prim. A crash would end the test process.
+not, in a random tree; any of their attributes set to a value of its type, sensible or not, now
+and then to one of another type, arrays of lengths that need not fit, relationships to any prim. A
+crash would end the test process.
 """
 
 from __future__ import annotations
@@ -108,6 +109,20 @@ PLACES = [
 ]
 
 
+def mistype(draw: Callable[[st.SearchStrategy], Any], stage: Usd.Stage, path: Sdf.Path) -> None:
+    """Author a value of any type, which a layer may hold whatever the schema says."""
+    name = draw(
+        st.sampled_from(["int", "string", "token", "asset", "double3", "quatf", "matrix4d"])
+    )
+    value, is_array = draw(SCALARS[name]), draw(st.booleans())
+    typed = Sdf.ValueTypeNames.Find(name + "[]" * is_array)
+    prim = stage.GetRootLayer().GetPrimAtPath(path.GetPrimPath())
+    if path.name in prim.properties:
+        return
+    attribute = Sdf.AttributeSpec(prim, path.name, typed)
+    attribute.default = type(typed.defaultValue)([value]) if is_array else value
+
+
 def add_prim(draw: Callable[[st.SearchStrategy], Any], stage: Usd.Stage, paths: list[str]) -> None:
     parent = draw(st.sampled_from(["", *paths]))
     path = f"{parent}/P{len(paths)}"
@@ -129,6 +144,9 @@ def add_prim(draw: Callable[[st.SearchStrategy], Any], stage: Usd.Stage, paths: 
         if not attributes:
             break
         attribute = attributes[index]
+        if draw(st.integers(0, 4)) == 0:
+            mistype(draw, stage, attribute.GetPath())
+            continue
         strategy = values(attribute)
         if strategy is None:
             continue

@@ -229,35 +229,41 @@ def test_vertex_values_equal_to_points_stay_equal(only_mesh):
 
 
 @pytest.mark.parametrize(
-    ("rule", "corner", "edge"),
+    ("rule", "corner", "edge", "middle"),
     [
-        # At the sheet's corner and, along its edge, a quarter of the way.
-        ("all", (0, 0), (0.25, 0)),
-        ("cornersPlus1", (0, 0), None),
-        ("boundaries", (0, 0), (0.25, 0)),
+        ("none", 1 / 6, 4 / 3, 4 / 3),
+        ("cornersOnly", 0, 4 / 3, 4 / 3),
+        ("cornersPlus1", 0, 4 / 3, 4 / 3),
+        ("cornersPlus2", 0, 4 / 3, 4 / 3),
+        ("boundaries", 0, 1, 4 / 3),
+        ("all", 0, 1, 1),
     ],
 )
-def test_face_varying_values_follow_their_rule(only_mesh, rule, corner, edge):
-    """Texture coordinates equal to the cage's x and y, connected all over the sheet."""
-    uv = [(x, y, 0) for x, y in [(0, 0), (1, 0), (1, 1), (0, 1)]]
+def test_face_varying_values_follow_their_rule(only_mesh, rule, corner, edge, middle):
+    """Connected values 0, 1, 4 along x: in the limit of cubic splines (0 + 4 · 1 + 4) / 6 at x = 1
+    and, where the corner is smooth, (4 · 0 + 1 + 0) / 6 there; what is sharp stays. The corners of
+    the points are smooth, and so at (1, 1) / 6."""
     cells = [(0, 0), (1, 0), (0, 1), (1, 1)]
     points = [(x, y) for y in (0, 1, 2) for x in (0, 1, 2)]
-    values = "[" + ", ".join(f"({x}, {y}, 0)" for x, y in points) + "]"
-    indices = [points.index((x + u, y + v)) for x, y in cells for u, v, _ in uv]
+    around = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    indices = [points.index((x + u, y + v)) for x, y in cells for u, v in around]
     body = PRIMVAR.format(
-        cage=SHEET, rule=rule, values=values, interpolation="faceVarying"
-    ).replace("}", f"\n int[] primvars:displayColor:indices = {indices} }}")
+        cage=SHEET,
+        rule=rule,
+        values="[" + ", ".join(f"({x * x}, 0, 0)" for x, _ in points) + "]",
+        interpolation="faceVarying",
+    ).replace(
+        "}",
+        f"""\n int[] primvars:displayColor:indices = {indices}
+        token interpolateBoundary = "edgeOnly" }}""",
+    )
     mesh = only_mesh(body, complexity="high")
-    found = mesh.primvars["displayColor"]
-    if rule == "all":  # linear in the cage's parameters: level 2 has quarters of cells
-        steps = np.unique(np.round(found.values[:, 0] * 4, 5))
-        assert steps.tolist() == list(range(9))
-    elif rule == "boundaries":  # straight along the boundary, linear there
-        border = found.values[found.values[:, 1] == 0, 0]
-        assert np.isin(np.round(border * 4, 5), range(9)).all()
-    else:  # where coordinates are connected as the points are, they are the points
-        places = mesh.points[mesh.triangles]
-        assert at_corners(found, mesh)[..., :2] == pytest.approx(places[..., :2], abs=1e-6)
+    places = mesh.points[mesh.triangles]
+    found = at_corners(mesh.primvars["displayColor"], mesh)[..., 0]
+    for place, expected in (((1 / 6, 1 / 6), corner), ((1, 0), edge), ((1, 1), middle)):
+        there = np.linalg.norm(places[..., :2] - place, axis=-1) < 1e-6
+        assert there.any()
+        assert found[there] == pytest.approx(expected, abs=1e-6)
 
 
 def test_face_varying_values_of_unconnected_faces_stay_within_them(only_mesh):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
 from usdmlt.errors import UsageError
+
+MOST_FRAMES = 1_000_000  # more are a slip of the keyboard, and would fill the memory
 
 # One run of #, or two with a dot between them: width, and digits after the dot.
 _PLACEHOLDER = re.compile(r"#+(?:\.#+)?")
@@ -29,6 +32,9 @@ def parse_frames(specification: str) -> list[float]:
             raise UsageError(
                 f"frames {part!r} is not start[:end[xstride]], such as 101, 101:105, 101:109x2"
             )
+        span = codes.endTimeCode.GetValue() - codes.startTimeCode.GetValue()
+        if len(frames) + span / codes.stride > MOST_FRAMES:
+            raise UsageError(f"frames {part!r} are more than {MOST_FRAMES}")
         frames.extend(code.GetValue() for code in codes)
     return frames
 
@@ -49,7 +55,8 @@ def check_placeholder(path: str, frames: list[float] | None) -> None:
             else f"{path} has more than one placeholder for the frame number"
         )
     for frame in frames:
-        if float(_number(found[0], frame)) != frame:
+        # Strides such as 0.1 do not end on decimals to the last bit.
+        if not math.isclose(float(_number(found[0], frame)), frame, rel_tol=1e-12, abs_tol=1e-9):
             raise UsageError(
                 f"{found[0]} cannot show frame {frame:g}: ask for digits after a dot, "
                 "such as shot.###.##.exr"

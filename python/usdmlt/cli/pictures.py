@@ -104,9 +104,12 @@ class Pictures:
             "multipart": arguments.multipart,
         }
         self._format = exr.Format(**self.how)
-        has_views = any(Path(output).suffix.lower() != ".exr" for output in outputs)
+        suffixes = {Path(output).suffix.lower() for output in outputs}
+        has_views = bool(suffixes - {".exr"})
         if arguments.view and not has_views:
             raise UsageError("--view is of a .png or .jpg: an .exr is linear, and has none")
+        if arguments.aov and ".exr" not in suffixes and not arguments.display:
+            raise UsageError("--aov is of an .exr: a .png or .jpg has no further layers")
         if has_views:
             views.encode(np.zeros((1, 1, 3)), view=self.view)  # now, not when all is rendered
         self.snapshot_seconds: float | None = arguments.snapshot

@@ -58,6 +58,8 @@ class LightReader:
         Raises :class:`Error` with the prim path for sizes and transforms that emit nothing.
         """
         self._warn_of_unsupported(prim, kind)
+        if not np.isfinite(transform).all():
+            raise Error(f"{prim.GetPath()}: the light's transform is not finite")
         if kind not in _AT_INFINITY and singular(transform):
             raise Error(f"{prim.GetPath()}: the light's transform is singular")
         light = READERS[kind](self, prim, transform)

@@ -39,6 +39,7 @@ from usdmlt.stage.skinning import Skinning
 from usdmlt.stage.texture_memory import limit_textures
 from usdmlt.stage.textures import Textures
 from usdmlt.stage.traversal import Traversal
+from usdmlt.stage.value_types import mistyped_values_named
 
 PURPOSES = ("default", "render")
 UNIT_BOX = (np.full(3, -0.5), np.full(3, 0.5))  # framed where there is nothing
@@ -87,7 +88,9 @@ def products(stage: Usd.Stage | str | os.PathLike[str], **options: Any) -> list[
     asked, report = LoadOptions(**options), Report()
     with usd_diagnostics(report):
         opened = open_stage(stage, asked)
-        return read_render_settings(opened, time_code(opened, asked.frame), report, asked).products
+        time = time_code(opened, asked.frame)
+        with mistyped_values_named(opened, time):
+            return read_render_settings(opened, time, report, asked).products
 
 
 @dataclass
@@ -110,35 +113,36 @@ def read_stage(
     with usd_diagnostics(report):
         opened = with_mtlx_files(open_stage(stage, options), report)
         time = time_code(opened, options.frame)
-        settings = read_render_settings(opened, time, report, options)
-        colors = _color_spaces(options, settings, report)
-        shown = _purposes(options, settings)
-        skinning = Skinning(time)
-        found, reason = find_camera(opened, options.camera, settings, report)
-        shutter = read_shutter(found, time, settings.motion_blur, report)
-        lens = None if found is None else read_camera(found, time, report, settings, shutter)
-        bounds = cache(lambda: stage_bounds(opened, time, shown))
-        scene = _read_content(
-            opened,
-            time,
-            shown,
-            options,
-            settings,
-            lens,
-            bounds,
-            colors,
-            skinning,
-            shutter,
-            report,
-            progress,
-        )
-        limit_textures(scene.textures, options.texture_memory, report)
-        scene.camera = lens or _frame_everything(opened, bounds, scene, skinning)
-        _fit_picture(scene, options, settings)
-        scene.settings = settings.usdmlt
-        scene.metadata |= _metadata(opened, time, settings, shown)
-        if not isinstance(stage, Usd.Stage):
-            scene.metadata["options"] = kept_options(options)
+        with mistyped_values_named(opened, time):
+            settings = read_render_settings(opened, time, report, options)
+            colors = _color_spaces(options, settings, report)
+            shown = _purposes(options, settings)
+            skinning = Skinning(time)
+            found, reason = find_camera(opened, options.camera, settings, report)
+            shutter = read_shutter(found, time, settings.motion_blur, report)
+            lens = None if found is None else read_camera(found, time, report, settings, shutter)
+            bounds = cache(lambda: stage_bounds(opened, time, shown))
+            scene = _read_content(
+                opened,
+                time,
+                shown,
+                options,
+                settings,
+                lens,
+                bounds,
+                colors,
+                skinning,
+                shutter,
+                report,
+                progress,
+            )
+            limit_textures(scene.textures, options.texture_memory, report)
+            scene.camera = lens or _frame_everything(opened, bounds, scene, skinning)
+            _fit_picture(scene, options, settings)
+            scene.settings = settings.usdmlt
+            scene.metadata |= _metadata(opened, time, settings, shown)
+            if not isinstance(stage, Usd.Stage):
+                scene.metadata["options"] = kept_options(options)
     return Reading(scene, reason, settings, opened)
 
 

@@ -34,10 +34,14 @@ def authored_normals(
     if not value:
         return None
 
-    values = np.asarray(value, dtype=np.float32)
+    values = np.asarray(value)
+    if values.dtype.kind not in "fiu" or values.ndim != 2 or values.shape[1] != 3:
+        report.warn("normals that are no vectors are ignored", path)
+        return None
+    values = values.astype(np.float32, copy=False)
     count = len(values) if indices is None else len(indices)
     expected, _ = topology.elements(interpolation)
-    if values.ndim != 2 or values.shape[1] != 3 or count != expected:
+    if count != expected:
         report.warn(
             "normals whose number does not fit their interpolation are ignored",
             f"{path} ({count} {interpolation})",

@@ -63,6 +63,9 @@ def open_stage(
         keep_settings(stage, opened)
     choose_variants(opened, options.variants)
     set_values(opened, options.overrides)
+    for path in options.mask or ():
+        if not opened.GetPrimAtPath(path):
+            raise Error(f"{path}: the mask asks for it, and there is no such prim")
     return opened
 
 

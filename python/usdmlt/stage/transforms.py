@@ -15,4 +15,9 @@ def singular(transforms: np.ndarray) -> np.ndarray:
     finite = np.isfinite(transforms).all(axis=(-1, -2))
     safe = np.where(finite[..., None, None], linear, 0.0)
     limit = SINGULAR * np.prod(np.linalg.norm(safe, axis=-1), axis=-1)
-    return ~finite | ~(np.abs(np.linalg.det(safe)) > limit)
+    result = ~finite | ~(np.abs(np.linalg.det(safe)) > limit)
+    projects = finite & (transforms[..., 3] != (0, 0, 0, 1)).any(axis=-1)
+    if projects.any():  # where the linear part may be regular, and the whole is not
+        whole = np.where(projects[..., None, None], transforms, np.eye(4))
+        result = result | (np.linalg.slogdet(whole)[0] == 0)
+    return result
