@@ -32,14 +32,14 @@ def rendering(**settings: object) -> Rendering:
 
 def test_pictures_that_are_shown_grow_and_the_last_bits_stay_the_same() -> None:
     shown: list[Image] = []
-    watched, alone = rendering(samples=300), rendering(samples=300)
+    watched, alone = rendering(samples=3000), rendering(samples=3000)
     assert watched.run(previews=[Preview(shown.append, 0.01)])
     assert alone.run()
     units = [image.stats["units_done"] for image in shown]
     assert len(units) >= 3 and units == sorted(set(units)) and units[0] > 0
     assert units[-1] < watched.units_total
     np.testing.assert_array_equal(watched.image()["color"], alone.image()["color"])
-    part = rendering(samples=300)
+    part = rendering(samples=3000)
     part.run(until=units[0])
     np.testing.assert_array_equal(shown[0]["color"], part.image()["color"])
 
@@ -108,7 +108,7 @@ def test_the_seconds_between_previews_are_positive(seconds: float) -> None:
 def test_render_takes_a_preview(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[Image] = []
     image = usdmlt.render(
-        SCENE, width=32, integrator="path", samples=300, depth=4,
+        SCENE, width=32, integrator="path", samples=3000, depth=4,
         preview=shown.append, preview_seconds=0.01,
     )  # fmt: skip
     assert len(shown) >= 3
@@ -127,7 +127,7 @@ def test_a_snapshot_is_there_during_the_render_and_gone_after_it(
 
     monkeypatch.setattr(Image, "write", noting)
     output = str(tmp_path / "a.exr")
-    flags = ["-w", "32", "--integrator", "path", "--samples", "300", "--snapshot", "0.01"]
+    flags = ["-w", "32", "--integrator", "path", "--samples", "3000", "--snapshot", "0.01"]
     assert main(["render", str(SCENE), output, "--depth", "4", *flags]) == 0
     assert {name for name, _ in seen[:-1]} == {"a_snapshot.exr"} and len(seen) > 2
     assert seen[-1][0] == "a.exr" and seen[-1][1] > seen[0][1]
