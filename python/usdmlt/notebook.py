@@ -40,4 +40,5 @@ class Live:
 
 def _text(image: Image) -> str:
     spent = image.stats.get("samples_per_pixel", 0.0)
-    return f"{image.width}x{image.height}, {spent:.3g} samples per pixel"
+    digits = 0 if spent >= 100 or spent == round(spent) else 1
+    return f"{image.width}x{image.height}, {spent:.{digits}f} samples per pixel"

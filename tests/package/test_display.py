@@ -151,7 +151,7 @@ def test_a_render_is_shown_while_it_goes_on_and_when_it_is_done(
     server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(previews, "FIRST_SECONDS", 0.0)
-    flags = ["-w", "32", "--samples", "200", "--integrator", "path", "--depth", "4", "-q"]
+    flags = ["-w", "32", "--samples", "3000", "--integrator", "path", "--depth", "4", "-q"]
     output, display = str(tmp_path / "a.exr"), f"127.0.0.1:{server.port}"
     assert main(["render", str(SCENE), output, *flags, "--display", display]) == 0
     server.close()
@@ -166,12 +166,12 @@ def test_a_display_that_goes_away_is_a_warning_and_the_picture_is_written(
     monkeypatch.setattr(previews, "FIRST_SECONDS", 0.0)
     monkeypatch.setattr("usdmlt.cli.pictures.DISPLAY_SECONDS", 0.01)
     server = Server(limit=40_000)
-    flags = ["-w", "48", "--samples", "300", "--integrator", "path", "--depth", "4"]
+    flags = ["-w", "48", "--samples", "3000", "--integrator", "path", "--depth", "4"]
     output, display = str(tmp_path / "a.exr"), f"127.0.0.1:{server.port}"
     assert main(["render", str(SCENE), output, *flags, "--display", display]) == 0
     warnings = [line for line in capsys.readouterr().err.splitlines() if "warning" in line]
     assert len(warnings) == 1 and "has gone away" in warnings[0]
-    alone = usdmlt.render(SCENE, width=48, samples=300, integrator="path", depth=4)
+    alone = usdmlt.render(SCENE, width=48, samples=3000, integrator="path", depth=4)
     again = read_image(output)["color"]
     np.testing.assert_array_equal(again, alone["color"].astype("f2"))
     server.close()

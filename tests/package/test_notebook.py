@@ -47,7 +47,7 @@ def test_a_render_updates_one_output_until_it_is_done(
     monkeypatch.setattr(previews, "FIRST_SECONDS", 0.0)
     with capture_output() as captured:
         image = usdmlt.render(
-            SCENE, width=32, integrator="path", samples=200, depth=4,
+            SCENE, width=32, integrator="path", samples=3000, depth=4,
             preview=Live(), preview_seconds=0.01,
         )  # fmt: skip
     outputs = captured.outputs
@@ -57,7 +57,7 @@ def test_a_render_updates_one_output_until_it_is_done(
     shown = [pixels(output.data["image/png"], tmp_path) for output in outputs]
     np.testing.assert_array_equal(shown[-1], views.encode(image["color"]))
     assert (shown[0] != shown[-1]).any()
-    assert outputs[-1].data["text/plain"] == "32x32, 200 samples per pixel"
+    assert outputs[-1].data["text/plain"] == "32x32, 3000 samples per pixel"
 
 
 def test_without_ipython_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
