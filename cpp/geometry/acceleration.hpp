@@ -1,9 +1,11 @@
 // The acceleration structure: meshes, instanced prototypes and analytic shapes in one Embree scene.
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "base/frame.hpp"
@@ -91,6 +93,31 @@ public:
         embree::Ray query = embree_ray(ray);
         library_->rtcOccluded1(scene_.get(), &query, nullptr);
         return query.tfar < 0;
+    }
+
+    // f(t, mesh, primitive) for everything that a ray meets from its start to infinity, in any
+    // order. Of meshes in the world.
+    template <typename F>
+    void for_each_hit(const Ray& ray, F&& f) const {
+        struct Context {
+            embree::RayQueryContext base;
+            std::remove_reference_t<F>* f;
+        } context{{embree::invalid_id, embree::invalid_id}, &f};
+        embree::IntersectArguments arguments{};
+        arguments.flags = embree::invoke_argument_filter;
+        arguments.feature_mask = embree::all_features;
+        arguments.context = &context.base;
+        arguments.filter = [](const embree::FilterFunctionArguments* args) {
+            if (args->valid[0] != -1) return;
+            (*reinterpret_cast<Context*>(args->context)->f)(args->ray->tfar, args->hit->geom_id,
+                                                            args->hit->prim_id);
+            args->valid[0] = 0;
+        };
+        embree::RayHit query;
+        query.ray = embree_ray(ray);
+        query.ray.tfar = std::numeric_limits<float>::infinity();
+        query.hit.geom_id = query.hit.inst_id = embree::invalid_id;
+        library_->rtcIntersect1(scene_.get(), &query, &arguments);
     }
 
     // Bounds of everything that can be hit; lower > upper where there is nothing.

@@ -89,6 +89,25 @@ struct OccludedFunctionArguments {
     Ray* ray;
     unsigned n, geom_id;
 };
+struct FilterFunctionArguments {
+    int* valid;  // set to 0: the hit is passed
+    void* geometry_user_pointer;
+    RayQueryContext* context;
+    Ray* ray;
+    Hit* hit;
+    unsigned n;
+};
+using FilterFunction = void (*)(const FilterFunctionArguments*);
+enum RayQueryFlags : int { invoke_argument_filter = 2 };
+inline constexpr unsigned all_features = 0xffffffffu;
+struct IntersectArguments {
+    int flags;
+    unsigned feature_mask;
+    RayQueryContext* context;
+    FilterFunction filter;
+    void (*intersect)(const IntersectFunctionArguments*);
+    float min_width_distance_factor;  // there or not, by how Embree was built
+};
 using BoundsFunction = void (*)(const BoundsFunctionArguments*);
 using IntersectFunction = void (*)(const IntersectFunctionArguments*);
 using OccludedFunction = void (*)(const OccludedFunctionArguments*);

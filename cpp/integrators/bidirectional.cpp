@@ -62,7 +62,7 @@ void render_bidirectional_unit(const Scene& scene, const Settings& settings, con
             sink.sum = {};
             if (layers) layers->sample.clear();
             sampler.sample(camera_sampler, light_sampler, raster);
-            const bool covered = scratch.camera.count > 1 && scratch.camera[1].is_surface();
+            const bool covered = scratch.camera.count > 1 && scratch.camera[1].can_scatter();
             ++statistics.samples;
             const double sum[4] = {sink.sum[0], sink.sum[1], sink.sum[2], covered ? 1.0 : 0.0};
             film.add_sample(x, y, sum, layers ? &layers->sample : nullptr);

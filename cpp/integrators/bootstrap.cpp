@@ -49,7 +49,11 @@ bool is_delta(const StrategySample& sample, int i) {
 }
 
 uint64_t class_of(const StrategySample& sample) {
-    return usdmlt::class_of(sample.edges(), [&](int i) { return is_delta(sample, i); });
+    return usdmlt::class_of(sample.edges(), [&](int i) {
+        if (is_delta(sample, i)) return ClassLetter::S;
+        const Vertex& v = i < sample.s ? sample.light[i] : sample.camera[sample.edges() - i];
+        return v.is_medium() ? ClassLetter::M : ClassLetter::D;
+    });
 }
 
 double survival(const StrategySample& sample) {
@@ -217,7 +221,7 @@ CameraSample Bootstrap::add_pixel(const PixelSubset::Place& place, const PathRec
     sink.random = RandomStream(hash_key(hash_key(key_, 2 + uint64_t(place.pass)), place.pixel));
     if (!sample(place.pixel, place.pass, sink, statistics)) return {};
     total_ += sink.sum;
-    return {sink.camera, scratch_.camera.count > 1 && scratch_.camera[1].is_surface()};
+    return {sink.camera, scratch_.camera.count > 1 && scratch_.camera[1].can_scatter()};
 }
 
 void Bootstrap::choose_starts(int count, double u, std::vector<size_t>& starts) {

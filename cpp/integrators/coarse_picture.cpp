@@ -66,13 +66,16 @@ std::vector<SeenSurface> seen_surfaces(const Scene& scene, const CoarsePicture& 
                                        RayCounters& rays) {
     std::vector<SeenSurface> seen(picture.count());
     RandomStream random(0);
-    Vertex v;
+    Vertex eye, v;
     Edge edge;
     const Camera& camera = scene.camera;
     const Vec3f lens = camera.sample_lens({0.5f, 0.5f}, 0);
     for (size_t i = 0; i < seen.size(); ++i) {
         const Ray ray = camera_ray(camera, picture.center(i), lens, 0);
-        if (!trace_vertex(scene, ray, Known::eye, false, random, rays, v, edge)) continue;
+        camera_vertex(scene, lens, 0, eye);
+        if (!trace_vertex(scene, eye, ray, Known::eye, false, random, rays, v, edge,
+                          {MediaStop::Kind::nowhere}))
+            continue;
         const bool front = dot(v.normal, ray.direction) < 0;
         seen[i] = {v.position, front ? v.normal : -v.normal,
                    std::clamp(luminance(v.closure.albedo(-ray.direction)), least_albedo, 1.0f)};

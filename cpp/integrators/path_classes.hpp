@@ -1,5 +1,5 @@
-// Energy by class of path: L, then D or S for every vertex between, by the component through which
-// the path scatters there, then E.
+// Energy by class of path: L, then for every vertex between D or S, by the component through which
+// the path scatters there, or M for a point of a medium, then E.
 #pragma once
 
 #include <array>
@@ -9,20 +9,25 @@
 
 namespace usdmlt {
 
-// The vertices between as bits, S = 1, x_1 lowest; a leading 1 marks the length. Paths of more than
+enum class ClassLetter : uint8_t { D, S, M };
+
+// The vertices between, two bits each, x_1 lowest; a leading 1 marks the length. Paths of more than
 // `longest` edges share one class per length.
 inline constexpr int longest_class = 24;
 
-template <typename IsDelta>
-uint64_t class_of(int edges, const IsDelta& is_delta) {
+template <typename Letter>
+uint64_t class_of(int edges, const Letter& letter) {
     if (edges > longest_class) return (uint64_t(1) << 63) | uint64_t(edges);
-    uint64_t bits = uint64_t(1) << (edges - 1);
-    for (int i = 1; i < edges; ++i) bits |= uint64_t(is_delta(i)) << (i - 1);
+    uint64_t bits = uint64_t(1) << (2 * (edges - 1));
+    for (int i = 1; i < edges; ++i) bits |= uint64_t(letter(i)) << (2 * (i - 1));
     return bits;
 }
 
 inline uint64_t class_of(const Path& path) {
-    return class_of(path.edges(), [&](int i) { return path.is_delta(i); });
+    return class_of(path.edges(), [&](int i) {
+        if (path.is_delta(i)) return ClassLetter::S;
+        return path[i].is_medium() ? ClassLetter::M : ClassLetter::D;
+    });
 }
 
 // Vertices between through which the path scatters otherwise than by a Dirac component.
@@ -40,14 +45,14 @@ inline int rough_vertices(const Path& path) {
 inline std::string class_name(uint64_t key) {
     if (key >> 63) return std::to_string(key & 0xffffffffu) + " edges";
     std::string name = "L";
-    for (; key > 1; key >>= 1) name += key & 1 ? 'S' : 'D';
+    for (; key > 1; key >>= 2) name += "DSM"[key & 3];
     return name + "E";
 }
 
 inline int edges_of_class(uint64_t key) {
     if (key >> 63) return static_cast<int>(key & 0xffffffffu);
     int k = 1;
-    while (key >>= 1) ++k;
+    while (key >>= 2) ++k;
     return k;
 }
 

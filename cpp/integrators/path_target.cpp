@@ -61,6 +61,8 @@ bool PathTarget::finish(State& y) {
             edge_between(context_.scene, path[change_.join - 1], path[change_.join], context_.rays);
         if (v.edge.is_blocked()) return false;
         v.geometry *= v.edge.transmittance;
+        if (!context_.scene.media.empty()) [[unlikely]]
+            v.scattering *= v.edge.media_transmittance();
     }
     return evaluate(y, change_.l + 1, change_.m_y - 1);
 }

@@ -33,7 +33,8 @@ Spectrum direct_light(const Scene& scene, Sampler& sampler, const SubpathVertex&
             density_by_scattering(z, z.to_previous, x0, direction_to(z, x0), Known::eye, edge);
         other = squared_ratio(pdf, pdf_direct);
     }
-    return value * static_cast<float>(edge.transmittance / (1 + other));
+    const Spectrum weighted = value * static_cast<float>(edge.transmittance / (1 + other));
+    return scene.media.empty() ? weighted : weighted * edge.media_transmittance();
 }
 
 bool has_dirac(const Closure& closure) {
@@ -61,7 +62,8 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
 
     Spectrum radiance_sum, throughput(1.0f);
     double pdf = 0;         // of the ray's direction, by the BSDF
-    float eta_squared = 1;  // of the medium the ray is in: what refraction took from the radiance
+    Spectrum through_media;  // of the ray: transmittance over the probability of its end
+    float eta_squared = 1;   // of the medium the ray is in: what refraction took from the radiance
     alpha = 0;
     const auto record = [&](const Spectrum& value, int edges) {
         if (!is_finite(value)) {
@@ -75,10 +77,12 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
     // Follows the ray, k-th edge of the path, to v; false where it meets nothing. What v emits goes
     // to `end`, with all that scattering does to it on its way to the eye.
     const auto follow = [&](const Spectrum& weight, int k, const auto& end) {
-        Hit hit;
-        if (trace(scene, ray, Known::eye, sampler.stream(), statistics.rays, hit, v->opacity,
-                  v->edge)) {
-            surface_vertex(scene, hit, *v);
+        const Met met = trace_next(scene, *previous, ray, Known::eye, {}, sampler.stream(),
+                                   statistics.rays, *v, v->edge);
+        through_media = Spectrum(1.0f);
+        if (!scene.media.empty()) [[unlikely]]
+            through_media = v->edge.media_weight(Known::eye);
+        if (met == Met::surface || met == Met::medium) {
             if (k == 1) alpha = 1;
         } else {
             LightPoint point;
@@ -87,10 +91,11 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             light_vertex(scene, point, time, *v);
         }
         if (!v->is_light || k < settings.min_edges) return true;
-        Spectrum value = weight * emission(scene, *v, *previous, -ray.direction);
+        Spectrum value = weight * through_media * emission(scene, *v, *previous, -ray.direction);
         if (is_black(value)) return true;
         if (k > 1 && previous->component == non_delta) {
-            const double p = area_density(pdf, *previous, *v, ray.direction) * v->edge.from_eye;
+            const double p = area_density(pdf, *previous, *v, ray.direction) *
+                             v->edge.survival(Known::eye);
             const double direct = pdf_direct(scene.lights, v->light, previous->position);
             value *= static_cast<float>(1 / (1 + squared_ratio(direct, p)));
         }
@@ -104,6 +109,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             layers->classes.end(*v, *previous, -ray.direction, value, layers->sample);
         });
         if (!met) break;
+        throughput *= through_media;
         if (v->infinite || v->closure.lobe_count == 0 || k == settings.depth) break;
 
         v->throughput = throughput;
@@ -120,7 +126,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         }
 
         const bool last = k + 1 == settings.depth;
-        if (last && has_dirac(v->closure)) {
+        if (last && !v->is_medium() && has_dirac(v->closure)) {
             // All of them, not one by chance: lamps seen in glass are bright and rarely met.
             std::swap(v, previous);
             for (int i = 0; i < previous->closure.lobe_count; ++i)

@@ -54,7 +54,7 @@ public:
         trace_light_subpath(scene_, light_sampler, time, settings_.depth, statistics_.rays, light_);
         for (int t = 2; t <= camera_.count; ++t) {
             hit_light(t);
-            if (!camera_[t - 1].is_surface() || !camera_[t - 1].can_connect()) continue;
+            if (!camera_[t - 1].can_scatter() || !camera_[t - 1].can_connect()) continue;
             next_event(camera_sampler, t);
             for (int s = 2; s <= light_.count && s + t - 1 <= settings_.depth; ++s) connect(s, t);
         }
@@ -72,6 +72,10 @@ private:
         statistics_.energy[static_cast<size_t>(s + t - 1)] += luminance(value);
         sink_.add(StrategySample{s, t, value, weight, edge, s == 1 ? end_ : light_,
                                  t == 1 ? end_ : camera_});
+    }
+    Spectrum through(const Edge& edge, const Spectrum& value, double weight) const {
+        const Spectrum weighted = value * static_cast<float>(edge.transmittance * weight);
+        return scene_.media.empty() ? weighted : weighted * edge.media_transmittance();
     }
     bool recorded(int edges) const {
         return edges >= settings_.min_edges && edges <= settings_.depth;
@@ -109,7 +113,7 @@ private:
         densities.point = pdf_point(scene_.lights, end_[0].light);
         const double w =
             strategy_weight(scene_, &end_[0], nullptr, 1, z, &previous, t, densities, edge);
-        add(1, t, value * static_cast<float>(edge.transmittance * w), w, edge);
+        add(1, t, through(edge, value, w), w, edge);
     }
 
     void connect(int s, int t) {
@@ -123,7 +127,7 @@ private:
         if (edge.is_blocked()) return;
         const double w = strategy_weight(scene_, &x, before(light_, s), s, z, before(camera_, t), t,
                                          {light_.pdf_point, light_.pdf_direct}, edge);
-        add(s, t, value * static_cast<float>(edge.transmittance * w), w, edge);
+        add(s, t, through(edge, value, w), w, edge);
     }
 
     // t = 1
@@ -146,7 +150,7 @@ private:
         if (edge.is_blocked()) return;
         const double w = strategy_weight(scene_, &x, &light_[s - 2], s, end_[0], nullptr, 1,
                                          {light_.pdf_point, light_.pdf_direct}, edge);
-        add(s, 1, value * static_cast<float>(edge.transmittance * w), w, edge);
+        add(s, 1, through(edge, value, w), w, edge);
     }
 
     const Scene& scene_;

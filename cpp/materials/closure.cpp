@@ -196,6 +196,8 @@ bool joins(const Closure& closure, Vec3f a, Vec3f b, Component component) {
 }  // namespace
 
 Spectrum Closure::evaluate_lobes(Vec3f to_light, Vec3f to_eye, Component component) const {
+    if (is_phase) [[unlikely]]
+        return component == non_delta ? lobes[0].weight * phase(to_light, to_eye) : Spectrum();
     Vec3f l, e;
     if (!to_local(*this, to_light, l) || !to_local(*this, to_eye, e)) return Spectrum();
     if (!joins(*this, l, e, component)) return Spectrum();
@@ -245,6 +247,8 @@ Spectrum Closure::albedo(Vec3f to_eye) const {
 
 float Closure::pdf_lobes(Vec3f known_world, Vec3f sampled_world, Known role,
                          Component component) const {
+    if (is_phase) [[unlikely]]
+        return component == non_delta ? phase(known_world, sampled_world) : 0;
     Vec3f known, sampled;
     if (!to_local(*this, known_world, known) || !to_local(*this, sampled_world, sampled)) return 0;
     if (!joins(*this, known, sampled, component)) return 0;
@@ -263,6 +267,13 @@ float Closure::pdf_lobes(Vec3f known_world, Vec3f sampled_world, Known role,
 
 bool Closure::sample_lobes(Vec3f known_world, Known role, float u_lobe, Vec2f u,
                            ClosureSample& out) const {
+    if (is_phase) [[unlikely]] {
+        out.direction = phase.sample(known_world, u);
+        out.pdf = phase(known_world, out.direction);
+        out.value = lobes[0].weight * out.pdf;
+        out.component = non_delta;
+        return out.pdf > 0;
+    }
     Vec3f known, sampled;
     if (!to_local(*this, known_world, known)) return false;
     const Passage of_known(*this, known);

@@ -22,6 +22,7 @@
 #include "base/vec.hpp"
 #include "base/warps.hpp"
 #include "materials/direction_guide.hpp"
+#include "media/phase_function.hpp"
 
 namespace usdmlt {
 
@@ -33,6 +34,7 @@ enum class LobeType : uint8_t {
     schlick,      // generalised Schlick; reflection and/or transmission
     eon,          // rough diffuse that keeps energy; reflection
     sheen,        // standing fibres; reflection
+    phase,        // of a medium: see Closure::phase
 };
 
 // A component of a vertex: all non-Dirac lobes together, or one Dirac lobe's reflection or
@@ -103,6 +105,8 @@ struct Closure {
     int cover_count = 0;
     bool has_non_delta = false;  // some lobe is not Dirac: the point can be connected
     bool is_lambert = false;     // one Lambert lobe and nothing else: the short way
+    bool is_phase = false;       // a point of a medium: its one lobe is σ_s times `phase`
+    PhaseFunction phase;
     // Where walks from the eye look for light, besides where the lobes send them; null: nowhere.
     const DirectionGuide* guide = nullptr;
     // In unions so that a closure is made without touching the lobes that it does not use.
@@ -127,6 +131,8 @@ struct Closure {
         cover_count = other.cover_count;
         has_non_delta = other.has_non_delta;
         is_lambert = other.is_lambert;
+        is_phase = other.is_phase;
+        phase = other.phase;
         guide = other.guide;
         std::copy_n(other.lobes, lobe_count, lobes);
         std::copy_n(other.covers, cover_count, covers);

@@ -46,6 +46,8 @@ void ClosureBuilder::push_lobe(Lobe lobe) {
     lobe.cover = no_cover;
     lobe.is_interface |= lobe.transmits;
     switch (lobe.type) {
+        case LobeType::phase:  // no surface has it
+            break;
         case LobeType::diffuse:
         case LobeType::translucent:
             lobe.transmits = lobe.is_interface = false;

@@ -8,6 +8,8 @@ constexpr double largest_angle = 1.5;          // radians
 
 template <bool glossy>
 bool is_start(const Path& x, int m, Walk& walk) {
+    // There is no distance from infinity to a point of a medium.
+    if (x[m].infinite && x[m + 1].is_medium()) return false;
     if (m > 0 && (x.is_delta(m) || (glossy && is_near_specular(x, m)))) return false;
     walk = find_walk(x, Known::light, m, glossy);
     return walk.found() && walk.chains == 0 && (walk.half_vectors > 0) == glossy;
@@ -148,7 +150,8 @@ ScaledDouble CausticWalk<glossy>::density(MutationContext& context, const Path& 
         if (!range.contains(angle)) return 0;
         pdf *= range.pdf_direction(angle);
     }
-    return walk_density(context, x, y, walk, step_density(y, walk.start, 1, pdf));
+    return walk_density(context, x, y, walk,
+                        kept_step_density(context, x, y, walk.start, 1, pdf));
 }
 
 template struct CausticWalk<false>;

@@ -115,6 +115,7 @@ struct MutationContext {
     StrategyTable strategies;                     // of the new-path mutation
     LogarithmicRange raster_range;                // of the image position, pixels
     LogarithmicRange direction_range{1e-4, 0.1};  // of inner chains, radians
+    LogarithmicRange distance_range{1e-3, 0.5};   // in media, of the distance's logarithm
 
     // Of one thread.
     RandomStream random;

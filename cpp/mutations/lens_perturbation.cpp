@@ -64,7 +64,7 @@ ScaledDouble LensWalk<kind>::density(const MutationContext& context, const Path&
     const int k = y.edges();
     const double r = distance(x.raster, y.raster);
     double first = context.raster_range.pdf_plane(r) * context.domain.image_area *
-                   density_from_eye_side(context.scene, y, k - 1);
+                   kept_step_density(context, x, y, k, -1, camera.pdf_ray(y.to_light(k), y.time));
     if (camera.lens_radius > 0) {
         first *= change.m == k + 1
                      ? lens_probability *

@@ -85,10 +85,11 @@ bool LensSubpath::propose(MutationContext& context, const Path& x, Path& y, Chan
         if (i == l) return false;  // too long
         Vertex& v = fresh(y, i);
         Edge& edge = y.at(i + 1).edge;
-        if (!trace_vertex(scene, ray, Known::eye, false, random, context.rays, v, edge))
+        if (!trace_vertex(scene, y[i + 1], ray, Known::eye, false, random, context.rays, v, edge))
             return false;
         y.at(i + 1).direction = -ray.direction;
-        context.recorded *= area_density(pdf, y[i + 1], v, ray.direction) * edge.from_eye;
+        context.recorded *= area_density(pdf, y[i + 1], v, ray.direction) *
+                            edge.survival(Known::eye);
         if (always_stops(v.closure)) break;
         const Continuations next(v.closure, -ray.direction);
         double u = random.next_double();

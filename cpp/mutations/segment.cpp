@@ -33,16 +33,17 @@ bool extend_from_eye(MutationContext& context, Path& y, int i) {
         ray = camera_ray(scene.camera, y.raster, y[k].position, y.time);
         pdf = scene.camera.pdf_ray(ray.direction, y.time) * context.domain.density_scale();
     } else {
-        if (!y[i + 1].is_surface()) return false;  // at infinity
+        if (!y[i + 1].can_scatter()) return false;  // at infinity
         Vec3f direction;
         if (!scatter(context, y, i + 1, y.to_eye(i + 1), Known::eye, direction, pdf)) return false;
         ray = ray_from(y[i + 1], direction);
     }
     Edge& edge = y.at(i + 1).edge;
-    if (!trace_vertex(scene, ray, Known::eye, i == 0, context.random, context.rays, v, edge))
+    if (!trace_vertex(scene, y[i + 1], ray, Known::eye, i == 0, context.random, context.rays, v,
+                      edge))
         return false;
     y.at(i + 1).direction = -ray.direction;
-    context.recorded *= area_density(pdf, y[i + 1], v, ray.direction) * edge.from_eye;
+    context.recorded *= area_density(pdf, y[i + 1], v, ray.direction) * edge.survival(Known::eye);
     return true;
 }
 
@@ -75,9 +76,10 @@ bool extend_from_light(MutationContext& context, Path& y, int i, bool direct) {
         ray = ray_from(previous, direction);
     }
     Edge& edge = y.at(i).edge;
-    if (!trace_vertex(scene, ray, Known::light, false, random, context.rays, v, edge)) return false;
+    if (!trace_vertex(scene, previous, ray, Known::light, false, random, context.rays, v, edge))
+        return false;
     y.at(i).direction = ray.direction;
-    context.recorded *= area_density(pdf, previous, v, ray.direction) * edge.from_light;
+    context.recorded *= area_density(pdf, previous, v, ray.direction) * edge.survival(Known::light);
     return true;
 }
 

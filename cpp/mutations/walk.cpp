@@ -25,6 +25,34 @@ Walk find_walk(const Path& x, Known role, int start, bool glossy) {
     return walk;
 }
 
+namespace {
+
+Known role_of(int step) { return step < 0 ? Known::eye : Known::light; }
+
+// Of a ray from `from` to a point of a medium: from an orthographic camera, from its plane.
+double distance_between(const MutationContext& context, const Vertex& from, const Vertex& to) {
+    if (!from.infinite) return length(to.position - from.position);
+    const CameraPose pose = context.scene.camera.pose(to.time);
+    return dot(to.position - pose.position, pose.forward);
+}
+
+// t e^{±r}: density p(r) / (2 t').
+float perturb_distance(MutationContext& context, double distance, double& pdf) {
+    const double r = context.distance_range.sample(context.random.next_double());
+    const double moved = distance * std::exp(context.random.next_1d() < 0.5f ? r : -r);
+    pdf = context.distance_range.pdf(r) / (2 * moved);
+    return static_cast<float>(moved);
+}
+
+double distance_density(const MutationContext& context, const Path& x, const Path& y, int from,
+                        int to) {
+    const double old = distance_between(context, x[from], x[to]);
+    const double moved = distance_between(context, y[from], y[to]);
+    return context.distance_range.pdf(std::fabs(std::log(moved / old))) / (2 * moved);
+}
+
+}  // namespace
+
 bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const Ray& first,
                 double pdf, Path& y) {
     const int step = walk.step();
@@ -34,12 +62,19 @@ bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const
         PathVertex& vertex = y.at(i);
         PathVertex& edge = y.at(step > 0 ? i : i + 1);
         Vertex& v = fresh(y, i);
-        if (!trace_vertex(context.scene, ray, walk.role, i == 0, context.random, context.rays, v,
-                          edge.edge))
+        MediaStop stop{MediaStop::Kind::nowhere};
+        double pdf_distance = 1;
+        if (x[i].is_medium())
+            stop = {MediaStop::Kind::distance,
+                    perturb_distance(context, distance_between(context, x[i - step], x[i]),
+                                     pdf_distance)};
+        if (!trace_vertex(context.scene, y[i - step], ray, walk.role, i == 0, context.random,
+                          context.rays, v, edge.edge, stop))
             return false;
         edge.direction = step > 0 ? ray.direction : -ray.direction;
         context.recorded *=
-            area_density(pdf, y[i - step], v, ray.direction) * edge.edge.survival(walk.role);
+            area_density(pdf, y[i - step], v, ray.direction) * pdf_distance *
+            edge.edge.survival_of_surfaces(walk.role);
         if (i == 0) return v.is_light;
         vertex.component = x.at(i).component;
         if (i == walk.end) return v.can_connect();
@@ -64,9 +99,17 @@ bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const
 
 double step_density(const Path& y, int from, int step, double pdf) {
     const int to = from + step;
-    const Edge& edge = y.at(std::max(from, to)).edge;
     return area_density(pdf, y[from], y[to], direction_along(y, from, step)) *
-           edge.survival(step < 0 ? Known::eye : Known::light);
+           y.at(std::max(from, to)).edge.survival(role_of(step));
+}
+
+double kept_step_density(const MutationContext& context, const Path& x, const Path& y, int from,
+                         int step, double pdf) {
+    const int to = from + step;
+    if (x[to].is_medium() != y[to].is_medium()) return 0;
+    if (y[to].is_medium()) pdf *= distance_density(context, x, y, from, to);
+    return area_density(pdf, y[from], y[to], direction_along(y, from, step)) *
+           y.at(std::max(from, to)).edge.survival_of_surfaces(role_of(step));
 }
 
 ScaledDouble walk_density(const MutationContext& context, const Path& x, const Path& y,
@@ -86,7 +129,7 @@ ScaledDouble walk_density(const MutationContext& context, const Path& x, const P
             const double angle = angle_between(direction, direction_along(x, i, step));
             pdf = context.direction_range.pdf_direction(angle);
         }
-        density *= step_density(y, i, step, pdf);
+        density *= kept_step_density(context, x, y, i, step, pdf);
     }
     return density;
 }

@@ -9,6 +9,10 @@
 // near-specular vertices as well, see near_specular.hpp. Densities in area
 // measure, per traced vertex: solid angle × |cosθ| / r²; Dirac vertices have probability 1 and the
 // unit of closure.hpp.
+//
+// Points of media stay such, and surfaces are reached through media: nothing is left to chance
+// there. The distance t that a ray goes to a point of a medium becomes t e^{±r}, r log-uniform, of
+// which the density is p(r) / (2 t').
 #pragma once
 
 #include "mutations/context.hpp"
@@ -44,8 +48,11 @@ ScaledDouble walk_density(const MutationContext& context, const Path& x, const P
                           const Walk& walk, double first);
 
 // Density in area measure of the vertex after `from` (towards +1 or −1), whose direction or, from
-// infinity, origin has density `pdf`.
+// infinity, origin has density `pdf`: where it stops in media at random,
 double step_density(const Path& y, int from, int step, double pdf);
+// and where that follows x.
+double kept_step_density(const MutationContext& context, const Path& x, const Path& y, int from,
+                         int step, double pdf);
 
 // ---- Perturbed directions
 

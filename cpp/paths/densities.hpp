@@ -14,14 +14,14 @@ inline double density_from_light(const Scene& scene, const Vertex& x0, const Ver
                                  Vec3f direction, const Edge& edge) {
     const double pdf =
         x0.infinite ? pdf_origin(scene.lights) : pdf_direction(scene.lights, x0.light, direction);
-    return area_density(pdf, x0, x1, direction) * edge.from_light;
+    return area_density(pdf, x0, x1, direction) * edge.survival(Known::light);
 }
 
 // p(lens → x): uniform over the film.
 inline double density_from_lens(const Scene& scene, const Vertex& lens, const Vertex& x,
                                 Vec3f direction, const Edge& edge) {
     return area_density(scene.camera.pdf_ray(direction, lens.time), lens, x, direction) *
-           edge.from_eye;
+           edge.survival(Known::eye);
 }
 
 // p(known → v → to): by scattering of the component at v; `known` and `direction` leave v, the

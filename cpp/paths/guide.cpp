@@ -43,13 +43,16 @@ bool trace_photon(const Scene& scene, float select, Vec2f u_point, Vec2f u_direc
     LightPoint point;
     double pdf;
     if (!sample_point(scene.lights, select, u_point, time, point, pdf)) return false;
-    Vertex v;
-    light_vertex(scene, point, time, v);
+    Vertex vertices[2];
+    light_vertex(scene, point, time, vertices[1]);
     Ray ray;
-    if (!sample_light_ray(scene, v, u_direction, ray, pdf)) return false;
+    if (!sample_light_ray(scene, vertices[1], u_direction, ray, pdf)) return false;
     for (int i = 0;; ++i) {
         Edge edge;
-        if (!trace_vertex(scene, ray, Known::light, false, random, counters, v, edge)) return false;
+        Vertex& v = vertices[i % 2];
+        if (!trace_vertex(scene, vertices[1 - i % 2], ray, Known::light, false, random, counters, v,
+                          edge))
+            return false;
         if (v.closure.lobe_count == 0) return false;
         ClosureSample sample;
         const Vec2f u = random.next_2d();

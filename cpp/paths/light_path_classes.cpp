@@ -7,6 +7,7 @@ namespace usdmlt {
 ScatteringEvent scattering_event(const Vertex& v, Vec3f to_light, Vec3f to_eye,
                                  Component component) {
     using Automaton = LightPathAutomaton;
+    if (v.is_medium()) return {Automaton::volume, {}, {}};
     if (component != non_delta)
         return {is_transmission(component) ? Automaton::TS : Automaton::RS, {}, {}};
     const Closure& closure = v.closure;

@@ -49,6 +49,8 @@ bool update_scattering(const Scene& scene, Path& path, int first, int last) {
         else
             v.scattering = scattering(path[i], path.to_light(i), path.to_eye(i), v.component) *
                            path[i].opacity;
+        if (i > 0 && !scene.media.empty()) [[unlikely]]
+            v.scattering *= v.edge.media_transmittance();
         if (is_black(v.scattering)) return false;
     }
     return true;

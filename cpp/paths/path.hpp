@@ -18,7 +18,9 @@ struct PathVertex {
     Edge edge;                        // between x_{i−1} and x_i
     Vec3f direction;                  // unit, from x_{i−1} to x_i
     double geometry = 1;              // G·τ of that edge
-    Spectrum scattering;              // Le·α at x0, We at xk, between them f_s·|cosθ_s/cosθ_g|·α
+    // Le·α at x0, We at xk, between them f_s·|cosθ_s/cosθ_g|·α; times the media's transmittance
+    // before it.
+    Spectrum scattering;
     double from_light = 0;            // densities with which the vertex is made, see
     double from_eye = 0;              // density_from_…_side
 };

@@ -21,14 +21,16 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
     for (;;) {
         SubpathVertex& previous = path[path.count - 1];
         SubpathVertex& v = path[path.count];
-        if (!trace_vertex(scene, ray, role, role == Known::eye, sampler.stream(), counters, v,
-                          v.edge))
+        if (!trace_vertex(scene, previous, ray, role, role == Known::eye, sampler.stream(),
+                          counters, v, v.edge))
             return;
         if (role == Known::light && path.count == 1 && !scene.lights.links.empty()) {
             // What the light gives depends on what the ray has met.
             weight = emission(scene, previous, v, ray.direction) * scale;
             if (is_black(weight)) return;
         }
+        if (!scene.media.empty()) [[unlikely]]
+            weight *= v.edge.media_weight(role);
         v.throughput = weight;
         v.survival = survival;
         v.to_previous = -ray.direction;

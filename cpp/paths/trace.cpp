@@ -109,6 +109,7 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
     v.uv = {hit.u, hit.v};
     v.time = hit.time;
     v.closure.guide = nullptr;
+    v.closure.is_phase = false;
     if (hit.mesh == invalid_index) {
         // A light's own shape: emits, scatters nothing.
         v.light = shape_point(scene.lights, hit.primitive, v.uv, hit.time);
@@ -195,17 +196,17 @@ void camera_vertex(const Scene& scene, Vec3f lens_point, float time, Vertex& v) 
     v.opacity = 1;
 }
 
-bool trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCounters& counters,
-           Hit& hit, float& opacity_out, Edge& edge) {
+Met trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCounters& counters,
+          Hit& hit, float& opacity_out, Edge& edge) {
     edge = {};
     opacity_out = 1;
     for (;;) {
         counters.count_closest(ray);
-        if (!scene.acceleration->intersect(ray, hit)) return false;
-        if (scene.all_opaque || hit.mesh == invalid_index) return true;
+        if (!scene.acceleration->intersect(ray, hit)) return Met::nothing;
+        if (scene.all_opaque || hit.mesh == invalid_index) return Met::surface;
         const Mesh& mesh = scene.meshes[hit.mesh];
         const float alpha = opacity_of(scene, mesh, hit.primitive, hit.u, hit.v);
-        if (alpha >= 1 && !mesh.one_sided) return true;
+        if (alpha >= 1 && !mesh.one_sided) return Met::surface;
         const Crossing crossing(scene, hit, ray.direction, role);
         const bool unseen = mesh.one_sided && crossing.from_behind;
         if (unseen && role == Known::eye) {
@@ -213,9 +214,9 @@ bool trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCou
         } else {
             if (alpha >= 1 || (alpha > 0 && random.next_1d() < alpha)) {
                 opacity_out = alpha;
-                return true;
+                return Met::surface;
             }
-            if (unseen) return false;
+            if (unseen) return Met::lost;
             edge.attenuate(1 - alpha);
         }
         ray.origin = crossing.other_side(ray.direction);
@@ -256,14 +257,103 @@ bool sample_light_ray(const Scene& scene, const Vertex& x0, Vec2f u, Ray& ray, d
     return true;
 }
 
-bool trace_vertex(const Scene& scene, const Ray& ray, Known role, bool environment,
-                  RandomStream& random, RayCounters& counters, Vertex& v, Edge& edge) {
+namespace {
+
+bool medium_vertex(const Ray& ray, const Collision& collision, Vertex& v) {
+    const Medium& medium = *collision.medium;
+    v.kind = VertexKind::medium;
+    v.infinite = v.is_light = v.one_sided = false;
+    v.component = non_delta;
+    v.position = ray.origin + ray.direction * collision.t;
+    v.normal = {0, 0, 1};
+    v.position_error = 0;
+    v.opacity = 1;
+    v.time = ray.time;
+    v.mesh = v.instance = invalid_index;
+    const float density = medium.grid.empty()
+                              ? 1
+                              : medium.grid.density(medium.grid.to_grid.point(v.position));
+    v.collision = medium.extinction * density;
+    Closure& closure = v.closure;
+    closure.shading = Frame::from_normal(v.normal);
+    closure.geometric_normal = v.normal;
+    closure.emission = {};
+    closure.lobe_count = 1;
+    closure.cover_count = 0;
+    closure.has_non_delta = closure.is_phase = true;
+    closure.is_lambert = false;
+    closure.guide = nullptr;
+    closure.phase = medium.phase;
+    closure.lobes[0] = Lobe{};
+    closure.lobes[0].type = LobeType::phase;
+    closure.lobes[0].reflects = false;
+    closure.lobes[0].weight = medium.scattering * density;
+    return density > 0;
+}
+
+// x is nearer to the light, z to the eye; either may be what a ray only passed on its way out.
+void set_media(const Scene& scene, const Ray& stretch, const Vertex* x, const Vertex* z,
+               RayCounters& counters, Edge& edge) {
+    const OpticalDepth depth = optical_depth(scene.media, stretch, counters.media);
+    const Spectrum transmittance = depth.transmittance();
+    for (int c = 0; c < 3; ++c) edge.media[c] = transmittance[c];
+    const auto made = [&](const Vertex* v) {
+        return static_cast<float>(v && v->is_medium() ? depth.density(v->collision)
+                                                      : depth.probability());
+    };
+    edge.media_from_eye = made(x);
+    edge.media_from_light = made(z);
+}
+
+}  // namespace
+
+Met trace_next(const Scene& scene, const Vertex& from, const Ray& ray, Known role, MediaStop stop,
+               RandomStream& random, RayCounters& counters, Vertex& v, Edge& edge) {
     Hit hit;
-    if (trace(scene, ray, role, random, counters, hit, v.opacity, edge)) {
+    Ray limited = ray;
+    Collision collision;
+    const bool has_media = !scene.media.empty();
+    if (has_media) [[unlikely]] {
+        if (stop.kind == MediaStop::Kind::random)
+            collision = sample_collision(scene.media, ray, random, counters.media);
+        else if (stop.kind == MediaStop::Kind::distance)
+            collision = collision_at(scene.media, ray, stop.distance, counters.media);
+        if (collision.medium)
+            limited.tfar = collision.t;
+        else if (stop.kind == MediaStop::Kind::distance)
+            return Met::lost;
+    }
+    Met met = trace(scene, limited, role, random, counters, hit, v.opacity, edge);
+    if (met == Met::surface) {
         surface_vertex(scene, hit, v);
         if (counters.guide && v.can_connect()) v.closure.guide = counters.guide->at(v.position);
-        return true;
     }
+    if (!has_media || met == Met::lost) return met;
+
+    if (met == Met::surface && stop.kind == MediaStop::Kind::distance) return Met::lost;
+    if (met == Met::nothing && collision.medium) {
+        if (!medium_vertex(ray, collision, v)) return Met::lost;
+        met = Met::medium;
+    }
+    const Vertex* next = met == Met::nothing ? nullptr : &v;
+    Ray stretch = ray;
+    if (from.infinite && role == Known::light) {
+        if (next)
+            stretch = {offset_origin(v, from.direction), 0, from.direction, infinite_distance,
+                       ray.time};
+    } else if (next) {
+        stretch.tfar = met == Met::medium ? collision.t : length(v.position - ray.origin);
+    }
+    set_media(scene, stretch, role == Known::eye ? next : &from, role == Known::eye ? &from : next,
+              counters, edge);
+    return met;
+}
+
+bool trace_vertex(const Scene& scene, const Vertex& from, const Ray& ray, Known role,
+                  bool environment, RandomStream& random, RayCounters& counters, Vertex& v,
+                  Edge& edge, MediaStop stop) {
+    const Met met = trace_next(scene, from, ray, role, stop, random, counters, v, edge);
+    if (met != Met::nothing) return met != Met::lost;
     LightPoint point;
     if (!environment || !environment_point(scene.lights, ray.direction, ray.time, point))
         return false;
@@ -317,10 +407,20 @@ Edge follow(const Scene& scene, Ray ray, Known role, RayCounters& counters) {
 }  // namespace
 
 Edge edge_between(const Scene& scene, const Vertex& x, const Vertex& z, RayCounters& counters) {
+    // `reach`: of the ray, in its direction's lengths.
+    const auto follow_in_media = [&](const Ray& ray, Known role, float reach) {
+        Edge edge = follow(scene, ray, role, counters);
+        if (!scene.media.empty() && !edge.is_blocked()) [[unlikely]] {
+            const float size = length(ray.direction);
+            set_media(scene, {ray.origin, 0, ray.direction * (1 / size), reach * size, ray.time},
+                      &x, &z, counters, edge);
+        }
+        return edge;
+    };
     if (x.infinite) {
         const Vec3f from = offset_origin(z, x.direction);
-        return follow(scene, {from, 0, x.direction, infinite_distance, z.time}, Known::eye,
-                      counters);
+        return follow_in_media({from, 0, x.direction, infinite_distance, z.time}, Known::eye,
+                               infinite_distance);
     }
     const Vec3f direction = direction_to(x, z);
     const Vec3f from = offset_origin(x, direction);
@@ -331,10 +431,10 @@ Edge edge_between(const Scene& scene, const Vertex& x, const Vertex& z, RayCount
         const Vec3f path = camera.orthographic ? direction : z.position - from;
         const float near = camera.orthographic ? depth - camera.near : 1 - camera.near / depth;
         const float far = camera.seen_until(from, path, near, z.time);
-        return follow(scene, {from, 0, path, far, z.time}, Known::light, counters);
+        return follow_in_media({from, 0, path, far, z.time}, Known::light, far);
     }
     const Vec3f to = offset_origin(z, -direction);
-    return follow(scene, {from, 0, to - from, segment_end, x.time}, Known::light, counters);
+    return follow_in_media({from, 0, to - from, segment_end, x.time}, Known::light, 1);
 }
 
 }  // namespace usdmlt

@@ -1,4 +1,5 @@
-// Ray queries between vertices, and the vertices that rays meet.
+// Ray queries between vertices, and the vertices that rays meet: points of surfaces, and points of
+// media where they collide.
 //
 // A surface of opacity α < 1 is passed with 1 − α: the edge's factor in f and in the density of
 // traced edges alike. A traced ray stops there with probability α.
@@ -10,6 +11,7 @@
 #pragma once
 
 #include "base/rng.hpp"
+#include "media/optical_depth.hpp"
 #include "paths/edge.hpp"
 #include "paths/vertex.hpp"
 #include "scene/scene.hpp"
@@ -32,6 +34,7 @@ struct RayCounters {
     uint64_t closest = 0, shadow = 0;
     RayRecorder* recorder = nullptr;
     const Guide* guide = nullptr;  // of the vertices that trace_vertex makes
+    Media::Scratch media;
 
     void count_closest(const Ray& ray) {
         ++closest;
@@ -54,10 +57,27 @@ void light_vertex(const Scene& scene, const LightPoint& point, float time, Verte
 // Makes the lens vertex of a perspective camera, or the direction of an orthographic one.
 void camera_vertex(const Scene& scene, Vec3f lens_point, float time, Vertex& v);
 
-// Follows a ray from the eye's or the light's side to the surface where it stops. False: it escaped
-// (or is lost: it found nothing that is there for the eye).
-bool trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCounters& counters,
-           Hit& hit, float& opacity, Edge& edge);
+enum class Met : uint8_t {
+    nothing,  // the ray escaped
+    lost,     // it found nothing that is there for the eye
+    surface,
+    medium
+};
+
+// Follows a ray from the eye's or the light's side to the surface where it stops.
+Met trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCounters& counters,
+          Hit& hit, float& opacity, Edge& edge);
+
+// Where a ray stops in media: at random, nowhere, or at a given distance.
+struct MediaStop {
+    enum class Kind : uint8_t { random, nowhere, distance } kind = Kind::random;
+    float distance = 0;
+};
+
+// Follows a ray from a vertex to the next one, and fills in the edge. Where the ray escapes, v is
+// left as it was and the edge is that to infinity.
+Met trace_next(const Scene& scene, const Vertex& from, const Ray& ray, Known role, MediaStop stop,
+               RandomStream& random, RayCounters& counters, Vertex& v, Edge& edge);
 
 // The surfaces in the way of a ray from the eye, one after the other: those that a ray may pass
 // too, each with its opacity.
@@ -72,10 +92,11 @@ private:
     Ray ray_;
 };
 
-// Follows a ray to the next vertex of a path: a surface or, where `environment` is set, the
-// direction at infinity of a ray that escapes. False: there is none.
-bool trace_vertex(const Scene& scene, const Ray& ray, Known role, bool environment,
-                  RandomStream& random, RayCounters& counters, Vertex& v, Edge& edge);
+// The same, where `environment` is set with the direction at infinity of a ray that escapes. False:
+// there is no next vertex.
+bool trace_vertex(const Scene& scene, const Vertex& from, const Ray& ray, Known role,
+                  bool environment, RandomStream& random, RayCounters& counters, Vertex& v,
+                  Edge& edge, MediaStop stop = {});
 
 // The first ray of a light subpath, from x0: by the direction of a surface light, or the origin of
 // a light at infinity, whose density is `pdf`. False: there is none.

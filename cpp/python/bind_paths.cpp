@@ -46,6 +46,7 @@ void compare(const Scene& scene, const Subpath& light, int s, const Subpath& cam
     rows.weight.push_back(
         strategy_weight(scene, x, x_previous, s, z, z_previous, t, densities, edge));
     rows.weight_by_definition.push_back(power_heuristic(scene, path, s));
+    value *= edge.media_transmittance();
     rows.estimate.push_back(double(value[0] + value[1] + value[2]) * edge.transmittance);
     ScaledDouble sum = f.c[0] + f.c[1] + f.c[2];
     sum.exponent += f.exponent;
@@ -70,7 +71,7 @@ py::dict strategy_probe(const Scene& scene, int samples, int depth, uint64_t see
             if (z.is_light)
                 compare(scene, light, 0, camera, t,
                         t > 2 ? light_densities(scene, z, camera[t - 2]) : LightDensities{}, rows);
-            if (!z.is_surface() || !z.can_connect() || t > depth) continue;
+            if (!z.can_scatter() || !z.can_connect() || t > depth) continue;
             LightDensities densities;
             if (sample_light(scene, sampler, z, point[0], densities.direct)) {
                 densities.point = pdf_point(scene.lights, point[0].light);
@@ -106,14 +107,15 @@ py::dict strategy_probe(const Scene& scene, int samples, int depth, uint64_t see
 
 using ClassEnergies = std::map<std::string, double>;
 
-char letter(const SubpathVertex& v) { return v.component == non_delta ? 'D' : 'S'; }
+char joined(const SubpathVertex& v) { return v.is_medium() ? 'M' : 'D'; }
+char letter(const SubpathVertex& v) { return v.component == non_delta ? joined(v) : 'S'; }
 
 // L, the vertices between from the light on, E; vertices that are joined are non-delta.
 std::string class_of(const Subpath& light, int s, const Subpath& camera, int t) {
     std::string name = "L";
     for (int i = 1; i < s - 1; ++i) name += letter(light[i]);
-    if (s > 1) name += 'D';
-    if (s > 0 && t > 1) name += 'D';
+    if (s > 1) name += joined(light[s - 1]);
+    if (s > 0 && t > 1) name += joined(camera[t - 1]);
     for (int i = t - 2; i > 0; --i) name += letter(camera[i]);
     return name + 'E';
 }

@@ -32,6 +32,17 @@ struct Affine3d {
         const Vec3d v = cross(y, z) * n.x + cross(z, x) * n.y + cross(x, y) * n.z;
         return determinant() < 0 ? v * -1 : v;
     }
+    Vec3d vector(Vec3d v) const { return x * v.x + y * v.y + z * v.z; }
+    // This first, the other one afterwards.
+    Affine3d then(const Affine3d& m) const {
+        return {m.vector(x), m.vector(y), m.vector(z), m.point(origin)};
+    }
+    Affine3f inverse() const {
+        const double d = 1 / determinant();
+        const Vec3d a = cross(y, z) * d, b = cross(z, x) * d, c = cross(x, y) * d;
+        return {to_float({a.x, b.x, c.x}), to_float({a.y, b.y, c.y}), to_float({a.z, b.z, c.z}),
+                to_float({-dot(a, origin), -dot(b, origin), -dot(c, origin)})};
+    }
     Affine3f recentred(Vec3d center) const {
         return {to_float(x), to_float(y), to_float(z), to_float(origin - center)};
     }
@@ -258,6 +269,99 @@ void add_light_links(const py::object& source, Scene& scene) {
     }
 }
 
+Spectrum color(const py::handle& values) {
+    const auto c = py::cast<std::array<float, 3>>(values);
+    return {c[0], c[1], c[2]};
+}
+
+DensityGrid make_grid(const py::handle& source, Vec3d center) {
+    DensityGrid grid;
+    const auto values = py::cast<Floats>(source.attr("values"));
+    for (size_t axis = 0; axis < 3; ++axis)
+        grid.size[axis] = static_cast<int>(values.shape(py::ssize_t(axis)));
+    const auto copy = [&](const Floats& from, int width, std::vector<float>& to) {
+        to.resize(static_cast<size_t>(values.size() * width));
+        const float* p = from.data();
+        for (int x = 0; x < grid.size[0]; ++x)
+            for (int y = 0; y < grid.size[1]; ++y)
+                for (int z = 0; z < grid.size[2]; ++z)
+                    for (int c = 0; c < width; ++c)
+                        to[grid.index(x, y, z) * size_t(width) + size_t(c)] = *p++;
+    };
+    copy(values, 1, grid.values);
+    if (!source.attr("emission").is_none())
+        copy(py::cast<Floats>(source.attr("emission")), 3, grid.emission);
+    // Cells in the scene; their centres have whole numbers.
+    const Affine3d m = affine(source.attr("transform"));
+    const auto lower = py::cast<std::array<double, 3>>(source.attr("lower"));
+    const auto upper = py::cast<std::array<double, 3>>(source.attr("upper"));
+    Affine3d cells;
+    cells.x = m.x * ((upper[0] - lower[0]) / grid.size[0]);
+    cells.y = m.y * ((upper[1] - lower[1]) / grid.size[1]);
+    cells.z = m.z * ((upper[2] - lower[2]) / grid.size[2]);
+    cells.origin = m.point({lower[0], lower[1], lower[2]}) +
+                   (cells.x + cells.y + cells.z) * 0.5 - center;
+    grid.to_grid = cells.inverse();
+    return grid;
+}
+
+// What bounds a medium: every mesh that is filled, by placement, and the volumes without surface.
+void add_media(const py::object& source, const Affine3d& identity, Vec3d center, Scene& scene) {
+    Media& media = scene.media;
+    for (const auto& entry : py::cast<py::list>(source.attr("media"))) {
+        Medium medium;
+        medium.name = py::cast<std::string>(entry.attr("name"));
+        medium.scattering = color(entry.attr("scattering"));
+        medium.absorption = color(entry.attr("absorption"));
+        medium.emission = color(entry.attr("emission"));
+        medium.phase.g = py::cast<float>(entry.attr("anisotropy"));
+        if (py::cast<std::string>(entry.attr("phase")) == "rayleigh")
+            medium.phase.kind = PhaseKind::rayleigh;
+        if (!entry.attr("grid").is_none()) medium.grid = make_grid(entry.attr("grid"), center);
+        media.media.push_back(std::move(medium));
+    }
+    if (media.empty()) return;
+    if (!source.attr("world_medium").is_none())
+        media.world = py::cast<uint32_t>(source.attr("world_medium"));
+    const auto add = [&](const py::handle& mesh, const Affine3d& m,
+                         const std::vector<Affine3d>& steps) {
+        if (mesh.attr("medium").is_none()) return;
+        media.bodies.push_back({py::cast<uint32_t>(mesh.attr("medium")),
+                                py::cast<int>(mesh.attr("medium_priority"))});
+        const Affine3d own = affine(mesh.attr("transform"));
+        const auto points = py::cast<Floats>(mesh.attr("points"));
+        Mesh boundary;
+        boundary.name = py::cast<std::string>(mesh.attr("name"));
+        boundary.positions = placed_points(points, own.then(m), center);
+        boundary.triangles = triangles_of(py::cast<Indices>(mesh.attr("triangles")), false);
+        for (const Affine3d& step : steps)
+            boundary.later_positions.push_back(placed_points(points, own.then(step), center));
+        // Of both motions that of the placement counts.
+        if (steps.empty())
+            for (const auto& step : py::cast<py::list>(mesh.attr("motion")))
+                boundary.later_positions.push_back(
+                    placed_points(py::cast<Floats>(step.attr("points")),
+                                  affine(step.attr("transform")).then(m), center));
+        media.boundaries.push_back(std::move(boundary));
+    };
+    for (const auto& mesh : py::cast<py::list>(source.attr("meshes"))) add(mesh, identity, {});
+    for (const auto& mesh : py::cast<py::list>(source.attr("volumes"))) add(mesh, identity, {});
+    const auto prototypes = py::cast<py::list>(source.attr("prototypes"));
+    for (const auto& entry : py::cast<py::list>(source.attr("instances"))) {
+        const auto transforms = py::cast<Doubles>(entry.attr("transforms"));
+        const auto motion = py::cast<Doubles>(entry.attr("motion"));
+        const py::object prototype = prototypes[py::cast<size_t>(entry.attr("prototype"))];
+        const py::ssize_t count = transforms.size() / 16;
+        for (py::ssize_t i = 0; i < count; ++i) {
+            std::vector<Affine3d> steps;
+            for (py::ssize_t s = 0; s < motion.size() / (16 * count); ++s)
+                steps.push_back(affine(motion.data() + 16 * (s * count + i)));
+            for (const auto& mesh : py::cast<py::list>(prototype.attr("meshes")))
+                add(mesh, affine(transforms.data() + 16 * i), steps);
+        }
+    }
+}
+
 std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& embree_library,
                                   const std::string& isa) {
     auto library = embree::load(embree_library);
@@ -327,6 +431,7 @@ std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& e
         }
     }
 
+    add_media(source, identity, origin, *scene);
     scene->camera = make_camera(source.attr("camera"), origin, py::cast<int>(source.attr("width")),
                                 py::cast<int>(source.attr("height")));
     scene->exposure = py::cast<double>(source.attr("camera").attr("exposure"));
@@ -357,13 +462,10 @@ py::dict closest_hits(const Scene& scene, const Doubles& origins, const Doubles&
         Hit hit;
         Vertex v;
         Edge edge;
-        const bool found = trace(scene,
-                                 {to_float(origin),
-                                  0,
-                                  {float(d(i, 0)), float(d(i, 1)), float(d(i, 2))},
-                                  infinite_distance,
-                                  time},
-                                 Known::eye, random, counters, hit, v.opacity, edge);
+        const Ray ray{to_float(origin), 0, {float(d(i, 0)), float(d(i, 1)), float(d(i, 2))},
+                      infinite_distance, time};
+        const bool found = trace(scene, ray, Known::eye, random, counters, hit, v.opacity, edge) ==
+                           Met::surface;
         const auto id = [&](uint32_t x) { return found && x != invalid_index ? int64_t(x) : -1; };
         if (found) surface_vertex(scene, hit, v);
         distance.mutable_at(i) = found ? hit.t : std::numeric_limits<float>::infinity();

@@ -34,12 +34,13 @@ struct Making {
 };
 
 double edge_of(const Path& y, int from, int to) {
-    return y.at(std::max(from, to)).edge.survival(to < from ? Known::eye : Known::light);
+    return y.at(std::max(from, to)).edge.survival_of_surfaces(to < from ? Known::eye
+                                                                         : Known::light);
 }
 
 // Cosine and distance of the conversion from solid angle to area.
 double cosine(const Path& y, int from, int to) {
-    return y[to].infinite ? 1.0 : double(abs_dot(y[to].normal, y.at(std::max(from, to)).direction));
+    return y[to].infinite ? 1.0 : double(abs_cosine(y[to], y.at(std::max(from, to)).direction));
 }
 double distance_squared(const Path& y, int from, int to) {
     if (y[from].infinite || y[to].infinite) return 1;

@@ -55,7 +55,7 @@ ShapeCallbacks light_shapes(const Lights& lights) {
 
 }  // namespace
 
-void Scene::commit(std::shared_ptr<const embree::Library> library, const std::string& isa) {
+void Scene::commit(const std::shared_ptr<const embree::Library>& library, const std::string& isa) {
     all_opaque =
         std::all_of(materials.materials.begin(), materials.materials.end(),
                     [](const Material& m) { return m.is_opaque; }) &&
@@ -66,12 +66,18 @@ void Scene::commit(std::shared_ptr<const embree::Library> library, const std::st
         std::any_of(meshes.begin(), meshes.end(), [](const Mesh& m) { return m.moves(); }) ||
         !instance_steps.empty() || !lights.motions.empty();
     acceleration =
-        std::make_unique<Acceleration>(std::move(library), isa, meshes, world_meshes, prototypes,
+        std::make_unique<Acceleration>(library, isa, meshes, world_meshes, prototypes,
                                        instances, instance_steps, light_shapes(lights));
+    media.commit(library, isa);
     // The sphere that bounds everything: infinite lights shine from a disk of its size. The camera
     // is inside, so that fog or a lens in empty space is lit alike.
     Vec3f lower, upper;
     acceleration->bounds(lower, upper);
+    for (const Mesh& boundary : media.boundaries)
+        for (const Vec3f& p : boundary.positions) {
+            lower = min(lower, p);
+            upper = max(upper, p);
+        }
     if (lower.x > upper.x) lower = upper = camera.poses[0].position;
     for (const CameraPose& pose : camera.poses) {
         lower = min(lower, pose.position);

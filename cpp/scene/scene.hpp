@@ -9,6 +9,7 @@
 #include "geometry/acceleration.hpp"
 #include "lights/lights.hpp"
 #include "materials/material.hpp"
+#include "media/media.hpp"
 
 namespace usdmlt {
 
@@ -25,6 +26,7 @@ struct Scene {
 
     Materials materials;
     Lights lights;
+    Media media;
     Camera camera;
     double exposure = 1;     // multiplies the developed image
     bool background = true;  // the camera sees environments directly
@@ -58,7 +60,7 @@ struct Scene {
 
     // To be called once everything above but the acceleration structure and the lights of meshes
     // is in place: builds both and finishes the lights.
-    void commit(std::shared_ptr<const embree::Library> library, const std::string& isa);
+    void commit(const std::shared_ptr<const embree::Library>& library, const std::string& isa);
 };
 
 }  // namespace usdmlt

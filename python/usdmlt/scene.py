@@ -212,6 +212,45 @@ class Material:
 
 
 # ---------------------------------------------------------------------------------------------
+# Media
+
+
+@dataclass
+class Grid:
+    """Values of a box, trilinear between the centres of its cells, 0 outside.
+
+    ``values`` (nx, ny, nz) float32 >= 0: what a medium's coefficients are multiplied by;
+    ``lower`` and ``upper``: corners of the box in local space; ``transform`` local to world;
+    ``emission`` (nx, ny, nz, 3) float32 >= 0: radiance per scene unit, or None.
+    """
+
+    values: np.ndarray
+    lower: tuple[float, float, float] = (-0.5, -0.5, -0.5)
+    upper: tuple[float, float, float] = (0.5, 0.5, 0.5)
+    transform: np.ndarray = field(default_factory=identity)
+    emission: np.ndarray | None = None
+
+
+@dataclass
+class Medium:
+    """A participating medium.
+
+    ``scattering`` and ``absorption``: coefficients per scene unit, by channel; ``emission``:
+    radiance per scene unit. ``phase``: Henyey-Greenstein of mean cosine ``anisotropy`` in (-1, 1),
+    0 isotropic, or "rayleigh". ``grid``: where the medium is not the same everywhere. Without any
+    of them it is clear: the inside of glass in fog.
+    """
+
+    scattering: Color = (0.0, 0.0, 0.0)
+    absorption: Color = (0.0, 0.0, 0.0)
+    emission: Color = (0.0, 0.0, 0.0)
+    phase: Literal["henyey_greenstein", "rayleigh"] = "henyey_greenstein"
+    anisotropy: float = 0.0
+    grid: Grid | None = None
+    name: str = ""
+
+
+# ---------------------------------------------------------------------------------------------
 # Geometry
 
 
@@ -253,6 +292,10 @@ class Mesh:
     ``collections``: names of those that it is in, for lights that are linked to one;
     ``light_link``: the one that its own emission is linked to, as of lights; ``light_group``: as
     of lights; ``is_light``: what it emits is a light's, else a material's glow.
+
+    ``medium``: index into :attr:`Scene.media` of what it is filled with, if it is closed; None: of
+    what is around it. Where filled meshes overlap the one of the highest ``medium_priority``
+    counts, and among equals the smaller one.
     """
 
     points: np.ndarray
@@ -268,6 +311,21 @@ class Mesh:
     light_link: str | None = None
     light_group: str = ""
     is_light: bool = False
+    medium: int | None = None
+    medium_priority: int = 0
+
+
+@dataclass
+class Volume:
+    """A closed mesh without a surface, filled with a medium: fields as of :class:`Mesh`."""
+
+    points: np.ndarray
+    triangles: np.ndarray
+    medium: int
+    transform: np.ndarray = field(default_factory=identity)
+    name: str = ""
+    motion: list[MeshStep] = field(default_factory=list)
+    medium_priority: int = 0
 
 
 @dataclass
@@ -454,7 +512,9 @@ class Scene:
     """Everything a render needs. ``width`` and ``height`` are pixels.
 
     ``background``: whether the camera sees domes and distant lights directly. ``settings``: fields
-    of :class:`usdmlt.Settings` that the stage asks for, unless told otherwise.
+    of :class:`usdmlt.Settings` that the stage asks for, unless told otherwise. ``world_medium``:
+    index into ``media`` of what fills space where no mesh and no volume holds another; it is
+    infinite, so that no light comes from infinity.
     """
 
     camera: Camera = field(default_factory=Camera)
@@ -466,6 +526,9 @@ class Scene:
     materials: list[Material] = field(default_factory=list)
     textures: list[Texture] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
+    media: list[Medium] = field(default_factory=list)
+    volumes: list[Volume] = field(default_factory=list)
+    world_medium: int | None = None
     background: bool = True
     color_space: str = "lin_rec709_scene"
     settings: dict[str, Any] = field(default_factory=dict)

@@ -43,11 +43,11 @@ def build_scene(name: str):
 
 
 def class_name(key: float) -> str:
-    """L, then D or S for every vertex between, then E."""
+    """L, then D, S or M for every vertex between, then E."""
     bits, name = int(key), "L"
     while bits > 1:
-        name += "DS"[bits & 1]
-        bits >>= 1
+        name += "DSM"[bits & 3]
+        bits >>= 2
     return name + "E"
 
 

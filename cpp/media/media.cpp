@@ -1,0 +1,65 @@
+#include "media/media.hpp"
+
+namespace usdmlt {
+
+void Medium::finish() {
+    extinction = scattering + absorption;
+    scatters = max_component(scattering) > 0;
+    interacts = max_component(extinction) > 0 || max_component(emission) > 0 ||
+                !grid.emission.empty();
+    emits = max_component(emission) > 0 || !grid.emission.empty();
+    grid.largest = grid.empty() ? 1 : *std::max_element(grid.values.begin(), grid.values.end());
+}
+
+void Media::commit(std::shared_ptr<const embree::Library> library, const std::string& isa) {
+    for (Medium& medium : media) {
+        medium.finish();
+        emit_ = emit_ || medium.emits;
+    }
+    if (bodies.empty()) return;
+    for (size_t i = 0; i < bodies.size(); ++i) {
+        // Signed volume: a sixth of the sum over triangles.
+        const Mesh& mesh = boundaries[i];
+        double volume = 0;
+        for (uint32_t t = 0; t < mesh.triangles.size(); ++t)
+            volume += dot(to_double(mesh.corner(t, 0)),
+                          cross(to_double(mesh.corner(t, 1)), to_double(mesh.corner(t, 2))));
+        bodies[i].volume = std::fabs(volume) / 6;
+    }
+    acceleration_ = std::make_unique<Acceleration>(
+        std::move(library), isa, boundaries, static_cast<uint32_t>(boundaries.size()),
+        std::vector<MeshRange>{}, std::vector<Instance>{}, std::vector<Affine3f>{},
+        ShapeCallbacks{});
+}
+
+void Media::find_crossings(const Ray& ray, Scratch& scratch) const {
+    std::vector<Crossing>& crossings = scratch.crossings;
+    crossings.clear();
+    acceleration_->for_each_hit(ray, [&](float t, uint32_t body, uint32_t triangle) {
+        crossings.push_back({t, body, triangle});
+    });
+    std::sort(crossings.begin(), crossings.end(), [](const Crossing& a, const Crossing& b) {
+        if (a.t != b.t) return a.t < b.t;
+        return a.body != b.body ? a.body < b.body : a.triangle < b.triangle;
+    });
+    // Through an edge both triangles may be met.
+    const auto same = [](const Crossing& a, const Crossing& b) {
+        return a.t == b.t && a.body == b.body;
+    };
+    crossings.erase(std::unique(crossings.begin(), crossings.end(), same), crossings.end());
+    scratch.inside.clear();
+    for (const Crossing& crossing : crossings) toggle(scratch.inside, crossing.body);
+}
+
+uint32_t Media::medium_of(const std::vector<uint32_t>& inside) const {
+    const Body* innermost = nullptr;
+    for (const uint32_t i : inside) {
+        const Body& body = bodies[i];
+        if (!innermost || body.priority > innermost->priority ||
+            (body.priority == innermost->priority && body.volume < innermost->volume))
+            innermost = &body;
+    }
+    return innermost ? innermost->medium : world;
+}
+
+}  // namespace usdmlt

@@ -1,0 +1,52 @@
+// Optical depths along a ray, and where a traced ray collides.
+//
+// Media whose σ_s is 0 only attenuate: nothing stops there. In the others a traced ray stops after
+// the distance t with the density
+//     p(t) = 1/3 Σ_c σ_c(t) e^(−τ_c(t)),
+// the mixture over channels of what would be best for each (one-sample model; Veach 1997, §9.2.4):
+// chromatic media without bias, and with weights of 3 at most.
+#pragma once
+
+#include "base/rng.hpp"
+#include "media/media.hpp"
+
+namespace usdmlt {
+
+struct OpticalDepth {
+    double all[3] = {0, 0, 0};      // of what attenuates,
+    double sampled[3] = {0, 0, 0};  // and of where rays may stop
+
+    Spectrum transmittance() const {
+        return {static_cast<float>(std::exp(-all[0])), static_cast<float>(std::exp(-all[1])),
+                static_cast<float>(std::exp(-all[2]))};
+    }
+    // That no collision is sampled on the way,
+    double probability() const {
+        return (std::exp(-sampled[0]) + std::exp(-sampled[1]) + std::exp(-sampled[2])) / 3;
+    }
+    // or that one is sampled at its end, per length; `extinction` is that of the point.
+    double density(const Spectrum& extinction) const {
+        double sum = 0;
+        for (int c = 0; c < 3; ++c) sum += extinction[c] * std::exp(-sampled[c]);
+        return sum / 3;
+    }
+};
+
+// ∫ of a medium's density from t0 to t1.
+double integrated_density(const Medium& medium, const Ray& ray, float t0, float t1);
+
+OpticalDepth optical_depth(const Media& media, const Ray& ray, Media::Scratch& scratch);
+
+// A point of a ray where a medium scatters.
+struct Collision {
+    const Medium* medium = nullptr;  // null: none before the ray's end
+    float t = 0;
+};
+
+Collision sample_collision(const Media& media, const Ray& ray, RandomStream& random,
+                           Media::Scratch& scratch);
+
+// At a given distance.
+Collision collision_at(const Media& media, const Ray& ray, float t, Media::Scratch& scratch);
+
+}  // namespace usdmlt
