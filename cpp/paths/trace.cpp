@@ -344,6 +344,8 @@ Met trace_next(const Scene& scene, const Vertex& from, const Ray& ray, Known rol
     } else if (next) {
         stretch.tfar = met == Met::medium ? collision.t : length(v.position - ray.origin);
     }
+    if (counters.wants_glow && scene.media.emit())
+        counters.glow = glow(scene.media, stretch, random.next_double(), counters.media);
     set_media(scene, stretch, role == Known::eye ? next : &from, role == Known::eye ? &from : next,
               counters, edge);
     return met;

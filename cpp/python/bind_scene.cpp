@@ -500,7 +500,7 @@ void bind_scene(py::module_& module) {
              "with one line.")
         .def_property_readonly("width", [](const Scene& s) { return s.camera.width; })
         .def_property_readonly("height", [](const Scene& s) { return s.camera.height; })
-        .def_property_readonly("has_lights", [](const Scene& s) { return !s.lights.empty(); })
+        .def_property_readonly("has_lights", [](const Scene& s) { return !s.lights.empty() || s.media.emit(); })
         .def_property_readonly("dirac_lights", &dirac_lights,
                                "Indices of the lights of one exact direction.")
         .def_property_readonly("dirac_materials", &dirac_materials,
