@@ -27,6 +27,10 @@ struct FilmSink {
         y = static_cast<int>(py);
         return true;
     }
+    void glow(const Subpath& camera, int edges, const Spectrum& value) {
+        if (layers) add_glow_to_layers(camera, edges, value, layers->classes, layers->sample);
+        sum += value;
+    }
     void add(const StrategySample& sample) {
         const bool splats = sample.t == 1;
         LayerSums* parts = layers ? &(splats ? layers->splat : layers->sample) : nullptr;

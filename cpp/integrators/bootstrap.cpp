@@ -102,6 +102,14 @@ struct EntrySink {
         entries.push_back({sort_key(sample, domain, p), v, number, pass,
                            static_cast<uint16_t>(sample.s), static_cast<uint16_t>(sample.t)});
     }
+    // Walks from the eye are the only ones that find it.
+    void glow(const Subpath& path, int edges, const Spectrum& value) {
+        if (!recorder || !in_image) return;
+        if (recorder->layers)
+            add_glow_to_layers(path, edges, value, recorder->layers->classes,
+                               recorder->layers->sample);
+        camera += value;
+    }
     void record(const StrategySample& sample, const Spectrum& value) {
         LayerScratch* layers = recorder->layers;
         if (sample.t == 1) {
@@ -133,6 +141,7 @@ struct PathSink {
         return domain.contains(p);
     }
     bool wants(int of_light, int of_camera) const { return of_light == s && of_camera == t; }
+    void glow(const Subpath&, int, const Spectrum&) {}
     void add(const StrategySample& sample) {
         found = true;
         join_subpaths(sample.light, s, sample.camera, t, sample.edge, path);

@@ -74,14 +74,20 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         statistics.energy[static_cast<size_t>(edges)] += luminance(value);
         return layers && !is_black(value);
     };
-    // Follows the ray, k-th edge of the path, to v; false where it meets nothing. What v emits goes
-    // to `end`, with all that scattering does to it on its way to the eye.
+    // Follows the ray, k-th edge of the path, to v; false where it meets nothing. What v and the
+    // media before it emit goes to `end`, with all that scattering does to it on its way to the
+    // eye.
     const auto follow = [&](const Spectrum& weight, int k, const auto& end) {
+        statistics.rays.wants_glow = scene.media.emit();
         const Met met = trace_next(scene, *previous, ray, Known::eye, {}, sampler.stream(),
                                    statistics.rays, *v, v->edge);
         through_media = Spectrum(1.0f);
         if (!scene.media.empty()) [[unlikely]]
             through_media = v->edge.media_weight(Known::eye);
+        if (scene.media.emit() && k >= settings.min_edges) [[unlikely]] {
+            const Spectrum value = weight * statistics.rays.glow;
+            if (record(value, k)) end(value, true);
+        }
         if (met == Met::surface || met == Met::medium) {
             if (k == 1) alpha = 1;
         } else {
@@ -100,12 +106,13 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             value *= static_cast<float>(1 / (1 + squared_ratio(direct, p)));
         }
         if (record(value, k)) [[unlikely]]
-            end(value);
+            end(value, false);
         return true;
     };
     for (int k = 1; k <= settings.depth; ++k) {
         const int pair = first_pair + (k - 1) * bounce_pairs;
-        const bool met = follow(throughput, k, [&](const Spectrum& value) {
+        const bool met = follow(throughput, k, [&](const Spectrum& value, bool in_medium) {
+            if (in_medium) return layers->classes.end_in_medium(value, layers->sample);
             layers->classes.end(*v, *previous, -ray.direction, value, layers->sample);
         });
         if (!met) break;
@@ -142,10 +149,14 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
                     previous->component = c;
                     ray = {offset_origin(*previous, direction), 0, direction, infinite_distance,
                            time};
-                    follow(throughput * scattered, k + 1, [&](const Spectrum& value) {
-                        layers->classes.scatter_and_end(
-                            scattering_event(*previous, direction, previous->to_previous, c), *v,
-                            *previous, -direction, value, layers->sample);
+                    follow(throughput * scattered, k + 1, [&](const Spectrum& value, bool in_medium) {
+                        const ScatteringEvent event =
+                            scattering_event(*previous, direction, previous->to_previous, c);
+                        if (in_medium)
+                            return layers->classes.scatter_and_end_in_medium(event, value,
+                                                                             layers->sample);
+                        layers->classes.scatter_and_end(event, *v, *previous, -direction, value,
+                                                        layers->sample);
                     });
                 }
             std::swap(v, previous);

@@ -6,6 +6,7 @@
 //                                          light subpath's
 //     bool wants(s, t)                     before what is dear: is this strategy needed?
 //     void add(const StrategySample&)      finite and not black
+//     void glow(camera, edges, value)      of media, on that edge of the camera subpath
 #pragma once
 
 #include "integrators/settings.hpp"
@@ -52,6 +53,8 @@ public:
         trace_camera_subpath(scene_, camera_sampler, raster, time, settings_.depth + 1,
                              statistics_.rays, camera_);
         trace_light_subpath(scene_, light_sampler, time, settings_.depth, statistics_.rays, light_);
+        for (int k = 1; k <= camera_.edges_with_glow; ++k)
+            if (recorded(k)) glow(k, camera_.glow[static_cast<size_t>(k - 1)]);
         for (int t = 2; t <= camera_.count; ++t) {
             hit_light(t);
             if (!camera_[t - 1].can_scatter() || !camera_[t - 1].can_connect()) continue;
@@ -72,6 +75,15 @@ private:
         statistics_.energy[static_cast<size_t>(s + t - 1)] += luminance(value);
         sink_.add(StrategySample{s, t, value, weight, edge, s == 1 ? end_ : light_,
                                  t == 1 ? end_ : camera_});
+    }
+    void glow(int edges, const Spectrum& value) {
+        if (is_black(value)) return;
+        if (!is_finite(value)) {
+            ++statistics_.non_finite;
+            return;
+        }
+        statistics_.energy[static_cast<size_t>(edges)] += luminance(value);
+        sink_.glow(camera_, edges, value);
     }
     Spectrum through(const Edge& edge, const Spectrum& value, double weight) const {
         const Spectrum weighted = value * static_cast<float>(edge.transmittance * weight);

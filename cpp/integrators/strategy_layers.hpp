@@ -35,4 +35,17 @@ inline void add_to_layers(const StrategySample& path, const Spectrum& value,
         classes.end(light[0], light[1], -light[1].to_previous, value, sums);
 }
 
+// The same for what media add on an edge of a camera subpath.
+inline void add_glow_to_layers(const Subpath& camera, int edges, const Spectrum& value,
+                               LightPathClasses& classes, LayerSums& sums) {
+    classes.begin();
+    for (int i = 1; i < edges; ++i) {
+        const SubpathVertex& v = camera[i];
+        const Vec3f to_light =
+            i + 1 < camera.count ? -camera[i + 1].to_previous : camera.last_direction;
+        classes.scatter(scattering_event(v, to_light, v.to_previous, v.component));
+    }
+    classes.end_in_medium(value, sums);
+}
+
 }  // namespace usdmlt

@@ -17,9 +17,9 @@ namespace usdmlt {
 
 struct DensityGrid {
     std::array<int, 3> size{};   // cells along x, y, z
-    std::vector<float> values;   // x fastest
-    std::vector<float> emission; // radiance per length, RGB, like `values`; empty: none
-    Affine3f to_grid;            // from the scene; cell (i, j, k) has its centre at that point
+    std::vector<float> values;    // x fastest
+    std::vector<float> emission;  // radiance per length, RGB, like `values`; empty: none
+    Affine3f to_grid;             // from the scene; cell (i, j, k) has its centre at that point
     float largest = 0;
 
     bool empty() const { return values.empty(); }
@@ -34,10 +34,10 @@ struct DensityGrid {
         visit(p, [&](size_t i, float w) { out += w * values[i]; });
         return out;
     }
-    std::array<float, 3> emission_at(Vec3f p) const {
-        std::array<float, 3> out{};
+    std::array<double, 3> emission_at(Vec3f p) const {
+        std::array<double, 3> out{};
         visit(p, [&](size_t i, float w) {
-            for (size_t c = 0; c < 3; ++c) out[c] += w * emission[3 * i + c];
+            for (size_t c = 0; c < 3; ++c) out[c] += double(w) * emission[3 * i + c];
         });
         return out;
     }

@@ -62,15 +62,21 @@ void Media::find_crossings(const Ray& ray, Scratch& scratch) const {
     for (const Crossing& crossing : crossings) toggle(scratch.inside, crossing.body);
 }
 
-uint32_t Media::medium_of(const std::vector<uint32_t>& inside) const {
-    const Body* innermost = nullptr;
-    for (const uint32_t i : inside) {
-        const Body& body = bodies[i];
-        if (!innermost || body.priority > innermost->priority ||
-            (body.priority == innermost->priority && body.volume < innermost->volume))
-            innermost = &body;
-    }
-    return innermost ? innermost->medium : world;
+const Body* Media::innermost(const std::vector<uint32_t>& inside, uint32_t except) const {
+    const Body* best = nullptr;
+    for (const uint32_t i : inside)
+        if (i != except && (!best || bodies[i].outranks(*best))) best = &bodies[i];
+    return best;
+}
+
+Surroundings Media::surroundings(const Hit& hit, Vec3f position) const {
+    const auto found = body_of_surface.find(surface_key(hit.mesh, hit.instance));
+    if (found == body_of_surface.end()) return {};
+    static thread_local Scratch scratch;
+    find_crossings({position, 0, {0.36f, 0.48f, 0.8f}, 0, hit.time}, scratch);
+    const Body* around = innermost(scratch.inside, found->second);
+    if (!around) return {};
+    return {around->outranks(bodies[found->second]), around->ior};
 }
 
 }  // namespace usdmlt

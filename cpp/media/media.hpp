@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <memory>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "base/spectrum.hpp"
@@ -39,7 +40,20 @@ struct Medium {
 struct Body {
     uint32_t medium = 0;
     int priority = 0;
+    float ior = 1;  // of its surface, if that refracts
     double volume = 0;
+
+    bool outranks(const Body& other) const {
+        return priority > other.priority || (priority == other.priority && volume < other.volume);
+    }
+};
+
+// What is around a body at a point of its surface. Within a body that outranks it the surface is
+// not there (nested dielectrics; Schmidt & Budge 2002); elsewhere it bounds on a medium of index
+// `ior`.
+struct Surroundings {
+    bool hides = false;
+    float ior = 1;
 };
 
 class Media {
@@ -48,6 +62,15 @@ public:
     uint32_t world = invalid_index;  // the medium outside all bodies
     std::vector<Body> bodies;
     std::vector<Mesh> boundaries;  // of the bodies, in the scene's space
+    // Some body has a priority: interfaces go by what they are in, else each by itself.
+    bool nested = false;
+    std::unordered_map<uint64_t, uint32_t> body_of_surface;  // by surface_key
+
+    static uint64_t surface_key(uint32_t mesh, uint32_t instance) {
+        return uint64_t(instance) << 32 | mesh;
+    }
+    // In nested scenes; for what is no body, nothing is special.
+    Surroundings surroundings(const Hit& hit, Vec3f position) const;
 
     bool empty() const { return media.empty(); }
     bool emit() const { return emit_; }
@@ -93,7 +116,12 @@ public:
 private:
     // All boundaries on the ray's line, and what it starts in.
     void find_crossings(const Ray& ray, Scratch& scratch) const;
-    uint32_t medium_of(const std::vector<uint32_t>& inside) const;
+    const Body* innermost(const std::vector<uint32_t>& inside,
+                          uint32_t except = invalid_index) const;
+    uint32_t medium_of(const std::vector<uint32_t>& inside) const {
+        const Body* body = innermost(inside);
+        return body ? body->medium : world;
+    }
     static void toggle(std::vector<uint32_t>& inside, uint32_t body) {
         const auto found = std::find(inside.begin(), inside.end(), body);
         if (found == inside.end())

@@ -42,6 +42,71 @@ OpticalDepth optical_depth(const Media& media, const Ray& ray, Media::Scratch& s
     return depth;
 }
 
+Spectrum glow(const Media& media, const Ray& ray, double u, Media::Scratch& scratch) {
+    double sum[3] = {0, 0, 0};
+    OpticalDepth depth;
+    // A piece of constant or of cubic density, whose integral up to t is density(t).
+    const auto add_piece = [&](const Medium& medium, float a, float b, const auto& density,
+                               const auto& emission) {
+        if (medium.emits) {
+            const auto t = static_cast<float>(a + (double(b) - a) * u);
+            const double before = density(t);
+            OpticalDepth there = depth;
+            for (int c = 0; c < 3; ++c) {
+                there.all[c] += medium.extinction[c] * before;
+                if (medium.scatters) there.sampled[c] += medium.extinction[c] * before;
+            }
+            const double p = there.probability();
+            const std::array<double, 3> e = emission(t);
+            if (p > 0)
+                for (size_t c = 0; c < 3; ++c)
+                    sum[c] += e[c] * std::exp(-there.all[c]) / p * (double(b) - a);
+        }
+        const double all = density(b);
+        for (int c = 0; c < 3; ++c) {
+            depth.all[c] += medium.extinction[c] * all;
+            if (medium.scatters) depth.sampled[c] += medium.extinction[c] * all;
+        }
+    };
+    media.for_each_stretch(ray, scratch, [&](const Medium& medium, float t0, float t1) {
+        if (!medium.grid.empty())
+            return medium.grid.march(
+                ray.origin, ray.direction, t0, t1,
+                [&](const DensityGrid::Ray& in_grid, float a, float b) {
+                    add_piece(
+                        medium, a, b, [&](float t) { return medium.grid.integral(in_grid, a, t); },
+                        [&](float t) {
+                            const Vec3f p = in_grid.at(t);
+                            const double density = medium.grid.density(p);
+                            std::array<double, 3> e{};
+                            if (!medium.grid.emission.empty()) e = medium.grid.emission_at(p);
+                            for (size_t c = 0; c < 3; ++c)
+                                e[c] += density * medium.emission[int(c)];
+                            return e;
+                        });
+                    return true;
+                });
+        if (medium.scatters) {
+            add_piece(
+                medium, t0, t1, [&](float t) { return double(t) - t0; },
+                [&](float) {
+                    return std::array<double, 3>{medium.emission[0], medium.emission[1],
+                                                 medium.emission[2]};
+                });
+            return true;
+        }
+        const double p = depth.probability(), length = double(t1) - t0;
+        for (int c = 0; c < 3; ++c) {
+            const double sigma = medium.extinction[c];
+            const double absorbed = sigma > 0 ? -std::expm1(-sigma * length) / sigma : length;
+            if (p > 0) sum[c] += medium.emission[c] * std::exp(-depth.all[c]) / p * absorbed;
+            depth.all[c] += sigma * length;
+        }
+        return true;
+    });
+    return {static_cast<float>(sum[0]), static_cast<float>(sum[1]), static_cast<float>(sum[2])};
+}
+
 Collision sample_collision(const Media& media, const Ray& ray, RandomStream& random,
                            Media::Scratch& scratch) {
     Collision out;

@@ -37,6 +37,11 @@ double integrated_density(const Medium& medium, const Ray& ray, float t0, float 
 
 OpticalDepth optical_depth(const Media& media, const Ray& ray, Media::Scratch& scratch);
 
+// ∫ ε T / P dt along a ray: what media add that glow, T being the transmittance back to the ray's
+// start, and P the probability that a ray which stops at random gets there. By one random number
+// u for all pieces, and exactly where nothing stops.
+Spectrum glow(const Media& media, const Ray& ray, double u, Media::Scratch& scratch);
+
 // A point of a ray where a medium scatters.
 struct Collision {
     const Medium* medium = nullptr;  // null: none before the ray's end

@@ -24,6 +24,7 @@ struct LightPathAutomaton {
         uint16_t kind = 0;
     };
     int layers = 0, kinds = 1;
+    int kind_of_media = 0;         // of what glows in them
     std::vector<uint16_t> next;    // [state][scattering]
     std::vector<LayerMask> masks;  // [state][terminal][kind]
     std::vector<Label> labels;     // of each light
@@ -65,6 +66,15 @@ public:
     void end(const Vertex& x0, const Vertex& x1, Vec3f direction, const Spectrum& value,
              LayerSums& sums) const {
         end(branches_, scatterings_, x0, x1, direction, value, sums);
+    }
+    // A medium glows there.
+    void end_in_medium(const Spectrum& value, LayerSums& sums) const {
+        end_in(LightPathAutomaton::object, automaton_.kind_of_media, branches_, value, sums);
+    }
+    void scatter_and_end_in_medium(const ScatteringEvent& event, const Spectrum& value,
+                                   LayerSums& sums) {
+        step(event, branches_, stepped_);
+        end_in(LightPathAutomaton::object, automaton_.kind_of_media, stepped_, value, sums);
     }
     // The same after one more scattering, of which the path that is followed knows nothing.
     void scatter_and_end(const ScatteringEvent& event, const Vertex& x0, const Vertex& x1,

@@ -21,9 +21,16 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
     for (;;) {
         SubpathVertex& previous = path[path.count - 1];
         SubpathVertex& v = path[path.count];
-        if (!trace_vertex(scene, previous, ray, role, role == Known::eye, sampler.stream(),
-                          counters, v, v.edge))
-            return;
+        counters.wants_glow = role == Known::eye;
+        counters.glow = {};
+        const bool found = trace_vertex(scene, previous, ray, role, role == Known::eye,
+                                        sampler.stream(), counters, v, v.edge);
+        if (role == Known::eye && scene.media.emit()) [[unlikely]] {
+            path.glow[static_cast<size_t>(path.count - 1)] = weight * counters.glow;
+            path.edges_with_glow = path.count;
+            path.last_direction = ray.direction;
+        }
+        if (!found) return;
         if (role == Known::light && path.count == 1 && !scene.lights.links.empty()) {
             // What the light gives depends on what the ray has met.
             weight = emission(scene, previous, v, ray.direction) * scale;
@@ -106,6 +113,7 @@ void trace_camera_subpath(const Scene& scene, Sampler& sampler, Vec2f raster, fl
     v.pdf_reverse = 0;
     v.strategy_sum = 0;  // no light subpath meets the lens
     path.count = 1;
+    path.edges_with_glow = 0;
     if (max_vertices < 2) return;
     const CameraRay ray = camera.ray(raster, lens, time);
     walk(scene, sampler, Known::eye, {ray.origin, ray.tnear, ray.direction, ray.tfar, time},

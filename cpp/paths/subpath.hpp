@@ -42,8 +42,13 @@ struct Subpath {
     double pdf_direct = 0;  // and by sample_direct seen from x1
     bool roulette = true;   // walks end at random where little light is left; else
     Continuation continuation;
+    // Where media emit: what the first `edges_with_glow` edges of a camera subpath bring.
+    std::vector<Spectrum> glow;
+    int edges_with_glow = 0;
+    Vec3f last_direction;
 
-    explicit Subpath(int capacity) : vertices(static_cast<size_t>(capacity)) {}
+    explicit Subpath(int capacity)
+        : vertices(static_cast<size_t>(capacity)), glow(static_cast<size_t>(capacity)) {}
     SubpathVertex& operator[](int i) { return vertices[static_cast<size_t>(i)]; }
     const SubpathVertex& operator[](int i) const { return vertices[static_cast<size_t>(i)]; }
 };

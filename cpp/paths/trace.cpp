@@ -81,6 +81,22 @@ float opacity_of(const Scene& scene, const Mesh& mesh, uint32_t triangle, float 
     return opacity(scene.materials, material, mesh, triangle, u, v);
 }
 
+// A body's surface within one that outranks it.
+bool is_hidden(const Scene& scene, const Hit& hit) {
+    return scene.media.nested && hit.mesh != invalid_index &&
+           scene.media.surroundings(hit, position_on_mesh(scene, hit).position).hides;
+}
+
+// The index of what is outside divides that of the inside.
+void set_outside(const Media& media, const Hit& hit, Vertex& v) {
+    const float outside = media.surroundings(hit, v.position).ior;
+    if (outside == 1) return;
+    for (int i = 0; i < v.closure.lobe_count; ++i) {
+        Lobe& lobe = v.closure.lobes[i];
+        if (lobe.is_interface && lobe.type == LobeType::dielectric) lobe.eta /= outside;
+    }
+}
+
 // A surface in a ray's way.
 struct Crossing {
     HitPoint point;
@@ -151,6 +167,8 @@ void surface_vertex(const Scene& scene, const Hit& hit, Vertex& v) {
     v.closure.shading = Frame::from_normal(n);
     evaluate_material(scene.materials, material, mesh, hit.primitive, hit.u, hit.v, dpds, v.closure,
                       p.mirrored);
+    if (scene.media.nested) [[unlikely]]
+        set_outside(scene.media, hit, v);
     v.is_light = false;
     if (is_emissive(scene.materials, material)) {
         const uint32_t light = scene.light_of(hit.mesh, hit.instance);
@@ -205,7 +223,8 @@ Met trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCoun
         if (!scene.acceleration->intersect(ray, hit)) return Met::nothing;
         if (scene.all_opaque || hit.mesh == invalid_index) return Met::surface;
         const Mesh& mesh = scene.meshes[hit.mesh];
-        const float alpha = opacity_of(scene, mesh, hit.primitive, hit.u, hit.v);
+        const float alpha =
+            is_hidden(scene, hit) ? 0 : opacity_of(scene, mesh, hit.primitive, hit.u, hit.v);
         if (alpha >= 1 && !mesh.one_sided) return Met::surface;
         const Crossing crossing(scene, hit, ray.direction, role);
         const bool unseen = mesh.one_sided && crossing.from_behind;
@@ -233,7 +252,8 @@ bool Surfaces::next(Hit& hit, float& opacity) {
             return true;
         }
         const Mesh& mesh = scene_.meshes[hit.mesh];
-        opacity = opacity_of(scene_, mesh, hit.primitive, hit.u, hit.v);
+        opacity =
+            is_hidden(scene_, hit) ? 0 : opacity_of(scene_, mesh, hit.primitive, hit.u, hit.v);
         const Crossing crossing(scene_, hit, ray_.direction, Known::eye);
         ray_.origin = crossing.other_side(ray_.direction);
         ray_.tnear = 0;
@@ -344,6 +364,8 @@ Met trace_next(const Scene& scene, const Vertex& from, const Ray& ray, Known rol
     } else if (next) {
         stretch.tfar = met == Met::medium ? collision.t : length(v.position - ray.origin);
     }
+    if (counters.wants_glow && scene.media.emit())
+        counters.glow = glow(scene.media, stretch, random.next_double(), counters.media);
     set_media(scene, stretch, role == Known::eye ? next : &from, role == Known::eye ? &from : next,
               counters, edge);
     return met;
@@ -381,7 +403,8 @@ Edge follow(const Scene& scene, Ray ray, Known role, RayCounters& counters) {
             return edge;
         }
         const Mesh& mesh = scene.meshes[hit.mesh];
-        const float alpha = opacity_of(scene, mesh, hit.primitive, hit.u, hit.v);
+        const float alpha =
+            is_hidden(scene, hit) ? 0 : opacity_of(scene, mesh, hit.primitive, hit.u, hit.v);
         if (alpha >= 1 && !mesh.one_sided) {
             edge.attenuate(0);
             return edge;

@@ -35,6 +35,8 @@ struct RayCounters {
     RayRecorder* recorder = nullptr;
     const Guide* guide = nullptr;  // of the vertices that trace_vertex makes
     Media::Scratch media;
+    bool wants_glow = false;
+    Spectrum glow;  // if wanted and if media emit: what they add along the last traced ray
 
     void count_closest(const Ray& ray) {
         ++closest;

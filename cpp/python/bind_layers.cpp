@@ -91,6 +91,7 @@ std::shared_ptr<const LightPathAutomaton> automaton_from_python(const Scene& sce
         static_cast<int>(automaton->masks.size() / (states * LightPathAutomaton::terminals));
 
     const auto of_light = vector_of<uint16_t>(source.attr("of_light"));
+    automaton->kind_of_media = py::cast<int>(source.attr("of_media"));
     const auto of_mesh = vector_of<uint16_t>(source.attr("of_mesh"));
     const auto mesh_is_light = vector_of<uint8_t>(source.attr("mesh_is_light"));
     // The lights of meshes come after all others.

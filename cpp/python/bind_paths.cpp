@@ -126,6 +126,7 @@ struct ClassSink {
 
     bool place(Vec2f p, Sampler&) { return p.x >= 0 && p.y >= 0 && p.x < width && p.y < height; }
     bool wants(int, int) const { return true; }
+    void glow(const Subpath&, int, const Spectrum&) {}
     void add(const StrategySample& x) {
         energies[class_of(x.light, x.s, x.camera, x.t)] += luminance(x.value);
     }

@@ -305,6 +305,21 @@ DensityGrid make_grid(const py::handle& source, Vec3d center) {
     return grid;
 }
 
+// Of a mesh whose surface refracts, else 1.
+float ior_of(const Scene& scene, const Mesh& mesh) {
+    const Material& material = scene.materials.materials[mesh.material_of(0)];
+    if (material.thin_walled) return 1;
+    Closure closure;
+    closure.geometric_normal = {0, 0, 1};
+    closure.shading = Frame::from_normal({0, 0, 1});
+    evaluate_material(scene.materials, mesh.material_of(0), mesh, 0, 1.0f / 3, 1.0f / 3, {},
+                      closure);
+    for (int i = 0; i < closure.lobe_count; ++i)
+        if (closure.lobes[i].is_interface && closure.lobes[i].transmits)
+            return closure.lobes[i].eta;
+    return 1;
+}
+
 // What bounds a medium: every mesh that is filled, by placement, and the volumes without surface.
 void add_media(const py::object& source, const Affine3d& identity, Vec3d center, Scene& scene) {
     Media& media = scene.media;
@@ -324,10 +339,16 @@ void add_media(const py::object& source, const Affine3d& identity, Vec3d center,
     if (!source.attr("world_medium").is_none())
         media.world = py::cast<uint32_t>(source.attr("world_medium"));
     const auto add = [&](const py::handle& mesh, const Affine3d& m,
-                         const std::vector<Affine3d>& steps) {
+                         const std::vector<Affine3d>& steps, uint32_t index, uint32_t instance) {
         if (mesh.attr("medium").is_none()) return;
+        const auto number = static_cast<uint32_t>(media.bodies.size());
         media.bodies.push_back({py::cast<uint32_t>(mesh.attr("medium")),
                                 py::cast<int>(mesh.attr("medium_priority"))});
+        media.nested = media.nested || media.bodies.back().priority != 0;
+        if (index != invalid_index) {
+            media.body_of_surface[Media::surface_key(index, instance)] = number;
+            media.bodies.back().ior = ior_of(scene, scene.meshes[index]);
+        }
         const Affine3d own = affine(mesh.attr("transform"));
         const auto points = py::cast<Floats>(mesh.attr("points"));
         Mesh boundary;
@@ -344,20 +365,26 @@ void add_media(const py::object& source, const Affine3d& identity, Vec3d center,
                                   affine(step.attr("transform")).then(m), center));
         media.boundaries.push_back(std::move(boundary));
     };
-    for (const auto& mesh : py::cast<py::list>(source.attr("meshes"))) add(mesh, identity, {});
-    for (const auto& mesh : py::cast<py::list>(source.attr("volumes"))) add(mesh, identity, {});
+    uint32_t index = 0, placement = 0;
+    for (const auto& mesh : py::cast<py::list>(source.attr("meshes")))
+        add(mesh, identity, {}, index++, invalid_index);
+    for (const auto& mesh : py::cast<py::list>(source.attr("volumes")))
+        add(mesh, identity, {}, invalid_index, invalid_index);
     const auto prototypes = py::cast<py::list>(source.attr("prototypes"));
     for (const auto& entry : py::cast<py::list>(source.attr("instances"))) {
         const auto transforms = py::cast<Doubles>(entry.attr("transforms"));
         const auto motion = py::cast<Doubles>(entry.attr("motion"));
         const py::object prototype = prototypes[py::cast<size_t>(entry.attr("prototype"))];
         const py::ssize_t count = transforms.size() / 16;
-        for (py::ssize_t i = 0; i < count; ++i) {
+        const MeshRange& range = scene.prototypes[py::cast<size_t>(entry.attr("prototype"))];
+        if (range.count == 0) continue;
+        for (py::ssize_t i = 0; i < count; ++i, ++placement) {
             std::vector<Affine3d> steps;
+            index = range.first;
             for (py::ssize_t s = 0; s < motion.size() / (16 * count); ++s)
                 steps.push_back(affine(motion.data() + 16 * (s * count + i)));
             for (const auto& mesh : py::cast<py::list>(prototype.attr("meshes")))
-                add(mesh, affine(transforms.data() + 16 * i), steps);
+                add(mesh, affine(transforms.data() + 16 * i), steps, index++, placement);
         }
     }
 }
@@ -500,7 +527,7 @@ void bind_scene(py::module_& module) {
              "with one line.")
         .def_property_readonly("width", [](const Scene& s) { return s.camera.width; })
         .def_property_readonly("height", [](const Scene& s) { return s.camera.height; })
-        .def_property_readonly("has_lights", [](const Scene& s) { return !s.lights.empty(); })
+        .def_property_readonly("has_lights", [](const Scene& s) { return !s.lights.empty() || s.media.emit(); })
         .def_property_readonly("dirac_lights", &dirac_lights,
                                "Indices of the lights of one exact direction.")
         .def_property_readonly("dirac_materials", &dirac_materials,

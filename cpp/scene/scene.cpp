@@ -59,7 +59,8 @@ void Scene::commit(const std::shared_ptr<const embree::Library>& library, const 
     all_opaque =
         std::all_of(materials.materials.begin(), materials.materials.end(),
                     [](const Material& m) { return m.is_opaque; }) &&
-        std::none_of(meshes.begin(), meshes.end(), [](const Mesh& m) { return m.one_sided; });
+        std::none_of(meshes.begin(), meshes.end(), [](const Mesh& m) { return m.one_sided; }) &&
+        !media.nested;
     add_mesh_lights(*this);
     has_motion =
         camera.moves() ||

@@ -37,6 +37,7 @@ class LightPathLayers(NamedTuple):
     of_light: npt.NDArray[np.int32]
     of_mesh: npt.NDArray[np.int32]
     mesh_is_light: npt.NDArray[np.bool_]
+    of_media: int
 
 
 def light_groups(scene: Scene) -> list[str]:
@@ -72,7 +73,8 @@ def compiled_for(scene: Scene, layers: Sequence[Layer]) -> LightPathLayers:
 
     of_light = np.array([kind(light) for light in scene.lights], np.int32)
     of_mesh = np.array([kind(mesh) for mesh in meshes], np.int32)
-    automaton = light_path_expressions.compiled(expressions, list(kinds) or [()])
+    of_media = kinds.setdefault(names & {DEFAULT_GROUP}, len(kinds))
+    automaton = light_path_expressions.compiled(expressions, list(kinds))
     return LightPathLayers(
         len(layers),
         automaton.next,
@@ -80,6 +82,7 @@ def compiled_for(scene: Scene, layers: Sequence[Layer]) -> LightPathLayers:
         of_light,
         of_mesh,
         np.array([mesh.is_light for mesh in meshes], bool),
+        of_media,
     )
 
 

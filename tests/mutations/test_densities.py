@@ -24,7 +24,7 @@ import pytest
 from scipy import stats
 
 from support.class_scenes import CLASS_SCENES
-from support.media_scenes import MEDIA_SCENES
+from support.media_scenes import LIT_SCENES
 from support.mutations import MUTATIONS, of_mutation, steps
 from support.rendering import build
 from support.scenes import GREY, HEIGHT, SCENES, WIDTH, picture_of
@@ -59,7 +59,7 @@ def require_recorded_is_recomputed(name: str, samples: int, **settings: object) 
             assert (wrong > 0.02).sum() <= 0.3 * wrong.size + 5
             assert (wrong > 0.5).sum() <= 2e-3 * wrong.size + 2
             continue
-        if mutation in PERTURBATIONS and name in MEDIA_SCENES:
+        if mutation in PERTURBATIONS and name in LIT_SCENES:
             # So do distances that change by a thousandth.
             wrong = disagreement(of, "log_forward")
             assert (wrong > 0.005).sum() <= 0.03 * wrong.size + 5, mutation
@@ -75,12 +75,12 @@ def require_recorded_is_recomputed(name: str, samples: int, **settings: object) 
         assert (of["log_forward"] >= of["log_term"] - 1e-9).all()
 
 
-@pytest.mark.parametrize("name", CLASS_SCENES | SCENES | MEDIA_SCENES)
+@pytest.mark.parametrize("name", CLASS_SCENES | SCENES | LIT_SCENES)
 def test_the_recorded_density_is_the_recomputed_one(name: str) -> None:
     require_recorded_is_recomputed(name, 2500)
 
 
-@pytest.mark.parametrize("name", CLASS_SCENES | SCENES | MEDIA_SCENES)
+@pytest.mark.parametrize("name", CLASS_SCENES | SCENES | LIT_SCENES)
 def test_what_a_proposal_kept_is_as_if_made_anew(name: str) -> None:
     """Factors and densities of unchanged vertices are not made again; those of the split see all
     that a wrong range of changed vertices would leave behind."""
@@ -92,7 +92,7 @@ def test_what_a_proposal_kept_is_as_if_made_anew(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CLASS_SCENES | SCENES | MEDIA_SCENES)
+@pytest.mark.parametrize("name", CLASS_SCENES | SCENES | LIT_SCENES)
 def test_it_is_for_many_proposals(name: str) -> None:
     require_recorded_is_recomputed(name, 60000, steps=2, min_edges=2, depth=9, seed=3)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import pytest
 
 from support.class_scenes import CLASS_SCENES
-from support.media_scenes import MEDIA_SCENES
+from support.media_scenes import LIT_SCENES
 from support.mutations import MUTATIONS, of_mutation, stationarity, steps
 from support.scenes import SCENES
 
@@ -33,7 +33,7 @@ def require_stationarity(name: str, samples: int, **settings: object) -> None:
     assert told >= 3, "too few steps to tell"
 
 
-@pytest.mark.parametrize("name", CLASS_SCENES | MEDIA_SCENES)
+@pytest.mark.parametrize("name", CLASS_SCENES | LIT_SCENES)
 def test_a_step_leaves_the_target_distribution_unchanged(name: str) -> None:
     require_stationarity(name, 30000, rounds=2)
 
@@ -62,6 +62,6 @@ VARIANTS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize("name", CLASS_SCENES | SCENES | MEDIA_SCENES)
+@pytest.mark.parametrize("name", CLASS_SCENES | SCENES | LIT_SCENES)
 def test_it_does_in_every_scene(name: str, variant: str) -> None:
     require_stationarity(name, 60000, rounds=5, steps=2, seed=1, **VARIANTS[variant])

@@ -193,3 +193,34 @@ def thick_fog() -> s.Scene:
         media=[s.Medium((1.0, 0.7, 0.4), (0.05, 0.1, 0.3), anisotropy=0.4), CLEAR],
         world_medium=0,
     )
+
+
+@scene
+def fire() -> s.Scene:
+    """A medium glows, and lights the floor and smoke, which scatters as well; behind glass."""
+    x, y, z = np.meshgrid(*[np.linspace(-1, 1, n) for n in (6, 8, 6)], indexing="ij")
+    density = np.maximum(0, 1 - np.hypot(np.hypot(x, y), z)).astype(np.float32)
+    emission = density[..., None] * np.stack([2 + y, 1 + y, 0.3 + 0 * y], -1)
+    corners = (-0.6, -0.8, -0.6), (0.6, 0.8, 0.6)
+    return picture_of(
+        perspective((0, 0.5, 4), (0, 0, 0), 36),
+        meshes=[
+            floor(0, half=3, y=-1),
+            sphere(0.45, 1, transform=translate(0.3, -0.4, 1.1), medium=1),
+        ],
+        materials=[WHITE, GLASS],
+        media=[
+            s.Medium(
+                (1.5, 1.2, 0.8),
+                (0.5, 0.3, 0.3),
+                emission=(0.1, 0.1, 0.4),
+                grid=s.Grid(density, *corners, emission=emission.astype(np.float32)),
+            ),
+            s.Medium(absorption=(0.0, 0.4, 0.8), emission=(0.02, 0.0, 0.0)),
+        ],
+        volumes=[volume(box(*corners), 0)],
+    )
+
+
+# What chains are for: lights, not what glows by itself.
+LIT_SCENES = {name: make for name, make in MEDIA_SCENES.items() if name != "fire"}
