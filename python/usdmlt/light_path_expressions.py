@@ -6,11 +6,12 @@ Shading Language, Karma, Arnold and RenderMan have them. An event is one of
     <RD>  <RG>  <RS>  <TD>  <TG>  <TS>    V    <L.'key'>  <O.'key'>  <B.'key'>
 
 reflection or transmission (R, T) by something diffuse, glossy or singular (D, G, S: perfectly
-smooth); a volume (V, reserved); and at the end a light (L), an emissive surface (O) or an
+smooth); scattering in a volume (V); and at the end a light (L), an emissive surface (O) or an
 environment that the camera sees directly (B), which may be told by its group or its prim path. A
 letter alone is all events that have it, ``.`` any event. Expressions begin with the camera, C;
 those that begin with L and end with E are Heckbert's, from the light to the eye: D is every vertex
-that is not S there, L whatever emits. Both may have ``( ) | [ ] [^ ] * + ? {n} {n,} {n,m}``.
+on a surface that is not S there, L whatever emits. Both may have
+``( ) | [ ] [^ ] * + ? {n} {n,} {n,m}``.
 """
 
 from __future__ import annotations

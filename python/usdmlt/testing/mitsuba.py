@@ -1,7 +1,8 @@
 """Scene descriptions rendered by Mitsuba 3: the subset that comparisons need.
 
 Meshes become PLY files, so both renderers intersect the same triangles; rect lights become two
-triangles that emit to one side, spheres stay spheres. A path of k edges is Mitsuba's depth k.
+triangles that emit to one side, spheres stay spheres. A path of k edges is Mitsuba's depth k. Where
+there are media, bodies hold each other whole or not at all, and the camera is outside all of them.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ class Untranslated(ValueError):
 
 
 def load(mi: Any, scene: s.Scene, folder: Path, depth: int, roulette_depth: int = 5) -> Any:
-    """Mitsuba's scene of the same content, for its path integrator.
+    """Mitsuba's scene of the same content, for its path integrator, or the volumetric one.
 
     ``mi``: the module, its variant set; ``folder``: where mesh files may be written, needed until
     this returns; ``depth``: edges of the longest path; ``roulette_depth``: Mitsuba's ``rr_depth``.
@@ -28,13 +29,18 @@ def load(mi: Any, scene: s.Scene, folder: Path, depth: int, roulette_depth: int 
     """
     if scene.prototypes or any(not np.isscalar(mesh.materials) for mesh in scene.meshes):
         raise Untranslated("instances or materials by triangle")
+    integrator = "volpathmis" if scene.media else "path"
     content = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": depth, "rr_depth": roulette_depth},
+        "integrator": {"type": integrator, "max_depth": depth, "rr_depth": roulette_depth},
         "sensor": _sensor(mi, scene),
     }
+    media = [_medium(mi, medium) for medium in scene.media]
+    world = None if scene.world_medium is None else media[scene.world_medium]
+    if world is not None:
+        content["sensor"]["medium"] = world
     for i, mesh in enumerate(scene.meshes):
-        points = mesh.points @ mesh.transform[:3, :3] + mesh.transform[3, :3]
+        points = _placed(mesh)
         st = mesh.primvars["st"].values if "st" in mesh.primvars else None
         normals = None
         if mesh.normals is not None:
@@ -48,10 +54,77 @@ def load(mi: Any, scene: s.Scene, folder: Path, depth: int, roulette_depth: int 
             "filename": str(path),
             "face_normals": normals is None,
             "bsdf": _bsdf(mi, scene, scene.materials[mesh.materials]),
+            **_both_sides(scene, media, world, mesh),
+        }
+    for i, body in enumerate(scene.volumes):
+        path = folder / f"volume{i}.ply"
+        _write_ply(path, _placed(body), body.triangles)
+        content[f"volume{i}"] = {
+            "type": "ply",
+            "filename": str(path),
+            "face_normals": True,
+            "bsdf": {"type": "null"},
+            **_both_sides(scene, media, world, body),
         }
     for i, light in enumerate(scene.lights):
         content[f"light{i}"] = _emitter(mi, scene, light, folder / f"light{i}.ply")
     return mi.load_dict(content)
+
+
+def _placed(mesh: s.Mesh | s.Volume) -> np.ndarray:
+    """Its points in the world."""
+    return np.asarray(mesh.points @ mesh.transform[:3, :3] + mesh.transform[3, :3])
+
+
+def _medium(mi: Any, medium: s.Medium) -> Any:
+    """Mitsuba's. Of grids only the densities vary, with the position from 0 to 1 in their box."""
+    _require(not any(medium.emission), "a medium that glows")
+    scattering, absorption = np.array(medium.scattering), np.array(medium.absorption)
+    extinction = scattering + absorption
+    largest = max(float(extinction.max()), 1e-6)
+    albedo = scattering / np.where(extinction > 0, extinction, 1)
+    phase: dict[str, Any] = {"type": "hg", "g": medium.anisotropy}
+    if medium.phase == "rayleigh":
+        phase = {"type": "rayleigh"}
+    content = {"albedo": _rgb(albedo), "phase": phase}
+    if medium.grid is None:
+        content |= {"type": "homogeneous", "sigma_t": _rgb(extinction / largest), "scale": largest}
+        return mi.load_dict(content)
+    grid = medium.grid
+    _require(np.ptp(extinction) == 0 and grid.emission is None, "a grid with colours")
+    place = np.diag([*(np.array(grid.upper) - grid.lower), 1.0])
+    place[3, :3] = grid.lower
+    values = np.ascontiguousarray(grid.values.transpose(2, 1, 0)[..., None], np.float32)
+    density = {
+        "type": "gridvolume",
+        "grid": mi.VolumeGrid(values),
+        "to_world": _matrix(mi, place @ grid.transform),
+        "filter_type": "trilinear",
+        "wrap_mode": "clamp",
+        "raw": True,
+    }
+    return mi.load_dict(content | {"type": "heterogeneous", "sigma_t": density, "scale": largest})
+
+
+def _both_sides(
+    scene: s.Scene, media: list[Any], world: Any, body: s.Mesh | s.Volume
+) -> dict[str, Any]:
+    """What is inside and outside of a closed mesh: nothing of what is no body."""
+    if body.medium is None:
+        return {}
+    _require(body.medium_priority == 0, "a priority")
+    points = _placed(body)
+    around, smallest = world, math.inf
+    bodies: list[s.Mesh | s.Volume] = [*scene.meshes, *scene.volumes]
+    for other in bodies:
+        if other is body or other.medium is None:
+            continue
+        lower, upper = _placed(other).min(0), _placed(other).max(0)
+        size = float(np.prod(upper - lower))
+        if ((points > lower) & (points < upper)).all() and size < smallest:
+            around, smallest = media[other.medium], size
+    sides = {"interior": media[body.medium]}
+    return sides if around is None else sides | {"exterior": around}
 
 
 def _require(condition: object, otherwise: str) -> None:
