@@ -62,7 +62,7 @@ def require_recorded_is_recomputed(name: str, samples: int, **settings: object) 
         if mutation in PERTURBATIONS and name in LIT_SCENES:
             # So do distances that change by a thousandth.
             wrong = disagreement(of, "log_forward")
-            assert (wrong > 0.005).sum() <= 0.03 * wrong.size + 5, mutation
+            assert (wrong > 0.005).sum() <= 0.08 * wrong.size + 5, mutation
             assert (wrong > 0.1).sum() <= 3e-3 * wrong.size + 2, mutation
             continue
         wrong = disagreement(of, "log_term") > TOLERANCE

@@ -30,7 +30,7 @@ def load(mi: Any, scene: s.Scene, folder: Path, depth: int, roulette_depth: int 
     if scene.prototypes or any(not np.isscalar(mesh.materials) for mesh in scene.meshes):
         raise Untranslated("instances or materials by triangle")
     integrator = "volpathmis" if scene.media else "path"
-    content = {
+    content: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": integrator, "max_depth": depth, "rr_depth": roulette_depth},
         "sensor": _sensor(mi, scene),
@@ -86,7 +86,7 @@ def _medium(mi: Any, medium: s.Medium) -> Any:
     phase: dict[str, Any] = {"type": "hg", "g": medium.anisotropy}
     if medium.phase == "rayleigh":
         phase = {"type": "rayleigh"}
-    content = {"albedo": _rgb(albedo), "phase": phase}
+    content: dict[str, Any] = {"albedo": _rgb(albedo), "phase": phase}
     if medium.grid is None:
         content |= {"type": "homogeneous", "sigma_t": _rgb(extinction / largest), "scale": largest}
         return mi.load_dict(content)
