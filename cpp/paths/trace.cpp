@@ -218,9 +218,11 @@ Met trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCoun
           Hit& hit, float& opacity_out, Edge& edge) {
     edge = {};
     opacity_out = 1;
+    float passed = 0;
     for (;;) {
         counters.count_closest(ray);
         if (!scene.acceleration->intersect(ray, hit)) return Met::nothing;
+        hit.t += passed;
         if (scene.all_opaque || hit.mesh == invalid_index) return Met::surface;
         const Mesh& mesh = scene.meshes[hit.mesh];
         const float alpha =
@@ -240,7 +242,8 @@ Met trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCoun
         }
         ray.origin = crossing.other_side(ray.direction);
         ray.tnear = 0;
-        ray.tfar -= hit.t;
+        ray.tfar -= hit.t - passed;
+        passed = hit.t;
     }
 }
 
@@ -369,6 +372,17 @@ Met trace_next(const Scene& scene, const Vertex& from, const Ray& ray, Known rol
     set_media(scene, stretch, role == Known::eye ? next : &from, role == Known::eye ? &from : next,
               counters, edge);
     return met;
+}
+
+bool medium_point(const Scene& scene, const Vertex& from, const Ray& ray, float t,
+                  RayCounters& counters, Vertex& v, Edge& edge) {
+    const Collision collision = collision_at(scene.media, ray, t, counters.media);
+    if (!collision.medium || !medium_vertex(ray, collision, v)) return false;
+    edge = {};
+    Ray stretch = ray;
+    stretch.tfar = t;
+    set_media(scene, stretch, &v, &from, counters, edge);
+    return true;
 }
 
 bool trace_vertex(const Scene& scene, const Vertex& from, const Ray& ray, Known role,
