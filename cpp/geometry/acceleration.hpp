@@ -95,8 +95,8 @@ public:
         return query.tfar < 0;
     }
 
-    // f(t, mesh, primitive) for everything that a ray meets from its start to infinity, in any
-    // order. Of meshes in the world.
+    // f(t, mesh, primitive, front) for everything that a ray meets from its start to infinity, in
+    // any order; front: it comes from the side that triangles face. Of meshes in the world.
     template <typename F>
     void for_each_hit(const Ray& ray, F&& f) const {
         struct Context {
@@ -109,8 +109,12 @@ public:
         arguments.context = &context.base;
         arguments.filter = [](const embree::FilterFunctionArguments* args) {
             if (args->valid[0] != -1) return;
-            (*reinterpret_cast<Context*>(args->context)->f)(args->ray->tfar, args->hit->geom_id,
-                                                            args->hit->prim_id);
+            const embree::Ray& ray = *args->ray;
+            const embree::Hit& hit = *args->hit;
+            const bool front =
+                ray.dir_x * hit.ng_x + ray.dir_y * hit.ng_y + ray.dir_z * hit.ng_z < 0;
+            (*reinterpret_cast<Context*>(args->context)->f)(ray.tfar, hit.geom_id, hit.prim_id,
+                                                            front);
             args->valid[0] = 0;
         };
         embree::RayHit query;

@@ -1,5 +1,7 @@
 #include "media/media.hpp"
 
+#include <cmath>
+
 namespace usdmlt {
 
 void Medium::finish() {
@@ -36,18 +38,27 @@ void Media::commit(std::shared_ptr<const embree::Library> library, const std::st
 void Media::find_crossings(const Ray& ray, Scratch& scratch) const {
     std::vector<Crossing>& crossings = scratch.crossings;
     crossings.clear();
-    acceleration_->for_each_hit(ray, [&](float t, uint32_t body, uint32_t triangle) {
-        crossings.push_back({t, body, triangle});
+    acceleration_->for_each_hit(ray, [&](float t, uint32_t body, uint32_t triangle, bool front) {
+        crossings.push_back({t, body, triangle, front});
     });
     std::sort(crossings.begin(), crossings.end(), [](const Crossing& a, const Crossing& b) {
         if (a.t != b.t) return a.t < b.t;
         return a.body != b.body ? a.body < b.body : a.triangle < b.triangle;
     });
-    // Through an edge both triangles may be met.
-    const auto same = [](const Crossing& a, const Crossing& b) {
-        return a.t == b.t && a.body == b.body;
-    };
-    crossings.erase(std::unique(crossings.begin(), crossings.end(), same), crossings.end());
+    // Through an edge all triangles may be met that share it, at distances that differ by rounding:
+    // those that face the same way are one crossing.
+    const Vec3f o = ray.origin;
+    const float size = std::max({std::fabs(o.x), std::fabs(o.y), std::fabs(o.z)});
+    size_t count = 0;
+    for (const Crossing& crossing : crossings) {
+        const float rounding = 1e-5f * (crossing.t + size);
+        bool known = false;
+        for (size_t i = count; i > 0 && crossing.t - crossings[i - 1].t <= rounding && !known; --i)
+            known =
+                crossings[i - 1].body == crossing.body && crossings[i - 1].front == crossing.front;
+        if (!known) crossings[count++] = crossing;
+    }
+    crossings.resize(count);
     scratch.inside.clear();
     for (const Crossing& crossing : crossings) toggle(scratch.inside, crossing.body);
 }

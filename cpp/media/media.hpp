@@ -83,6 +83,7 @@ public:
     struct Crossing {
         float t;
         uint32_t body, triangle;
+        bool front;  // from the side that the triangle faces
     };
     struct Scratch {
         std::vector<Crossing> crossings;

@@ -6,6 +6,7 @@
 #include "python/bind_layers.hpp"
 #include "python/bind_lights.hpp"
 #include "python/bind_materials.hpp"
+#include "python/bind_media.hpp"
 #include "python/bind_metropolis.hpp"
 #include "python/bind_mutations.hpp"
 #include "python/bind_paths.hpp"
@@ -63,6 +64,7 @@ PYBIND11_MODULE(_core, module) {
     usdmlt::bind_materials(module);
     usdmlt::bind_lights(module);
     usdmlt::bind_scene(module);
+    usdmlt::bind_media(module);
     usdmlt::bind_surfaces(module);
     usdmlt::bind_paths(module);
     usdmlt::bind_patterns(module);

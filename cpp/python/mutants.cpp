@@ -10,6 +10,8 @@ bool is_caustic(int m) {
     return is(m, CausticPerturbation::name) || is(m, GlossyCausticPerturbation::name);
 }
 bool joins(int m) { return is(m, NewPath::name) || is(m, Bidirectional::name); }
+// Perturbations: surfaces and points of media stay what they are.
+bool keeps_distances(int m) { return !joins(m) && !is(m, LensSubpath::name); }
 
 // One way in which y's new vertices y_{l+1} … y_{m_y−1} were made: `split` of them from the light's
 // side, the others from the eye's.
@@ -34,8 +36,13 @@ struct Making {
 };
 
 double edge_of(const Path& y, int from, int to) {
-    return y.at(std::max(from, to)).edge.survival_of_surfaces(to < from ? Known::eye
-                                                                         : Known::light);
+    return y.at(std::max(from, to))
+        .edge.survival_of_surfaces(to < from ? Known::eye : Known::light);
+}
+
+// Of media: where the ray stops by chance.
+double media_of(const Path& y, int from, int to) {
+    return y.at(std::max(from, to)).edge.survival_of_media(to < from ? Known::eye : Known::light);
 }
 
 // Cosine and distance of the conversion from solid angle to area.
@@ -252,6 +259,54 @@ ScaledDouble lens_point(MutationContext& context, int m, const Path& x, const Pa
     return t;
 }
 
+// Stops in media by chance, that is p(t) and the probability to come to a surface, are left out.
+ScaledDouble collision_density(MutationContext& context, int m, const Path& x, const Path& y,
+                               const Change& change, bool) {
+    if (keeps_distances(m)) return healthy_density(context, m, x, y, change);
+    return weighted_density(context, m, x, y, change, [&](const Making& making) {
+        double c = 1;
+        making.for_each_traced([&](int from, int to) { c /= media_of(y, from, to); });
+        return c;
+    });
+}
+
+// They are counted where walks keep what they had.
+ScaledDouble media_survival(MutationContext& context, int m, const Path& x, const Path& y,
+                            const Change& change, bool) {
+    if (!keeps_distances(m)) return healthy_density(context, m, x, y, change);
+    return weighted_density(context, m, x, y, change, [&](const Making& making) {
+        double c = 1;
+        making.for_each_traced([&](int from, int to) { c *= media_of(y, from, to); });
+        return c;
+    });
+}
+
+// The factor 1/(2t') of distances that were perturbed is left out.
+ScaledDouble distance_factor(MutationContext& context, int m, const Path& x, const Path& y,
+                             const Change& change, bool) {
+    if (!keeps_distances(m)) return healthy_density(context, m, x, y, change);
+    return weighted_density(context, m, x, y, change, [&](const Making& making) {
+        double c = 1;
+        making.for_each_traced([&](int from, int to) {
+            if (y[to].is_medium() && !y[from].infinite)
+                c *= 2 * std::sqrt(distance_squared(y, from, to));
+        });
+        return c;
+    });
+}
+
+// Points of media have a cosine, as surfaces do.
+ScaledDouble medium_cosine(MutationContext& context, int m, const Path& x, const Path& y,
+                           const Change& change, bool) {
+    return weighted_density(context, m, x, y, change, [&](const Making& making) {
+        double c = 1;
+        making.for_each_traced([&](int from, int to) {
+            if (y[to].is_medium()) c *= abs_dot(y[to].normal, y.at(std::max(from, to)).direction);
+        });
+        return c;
+    });
+}
+
 }  // namespace
 
 ScaledDouble healthy_density(MutationContext& context, int m, const Path& x, const Path& y,
@@ -317,6 +372,10 @@ std::span<const Mutant> mutants() {
         {"forward_range", forward_range},
         {"half_vector", half_vector},
         {"lens_point", lens_point},
+        {"collision_density", collision_density},
+        {"media_survival", media_survival},
+        {"distance_factor", distance_factor},
+        {"medium_cosine", medium_cosine},
     };
     return all;
 }

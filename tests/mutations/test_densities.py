@@ -24,6 +24,7 @@ import pytest
 from scipy import stats
 
 from support.class_scenes import CLASS_SCENES
+from support.media_scenes import LIT_SCENES
 from support.mutations import MUTATIONS, of_mutation, steps
 from support.rendering import build
 from support.scenes import GREY, HEIGHT, SCENES, WIDTH, picture_of
@@ -35,6 +36,7 @@ from usdmlt import scene as s
 SIGNIFICANCE = 1e-4
 ALL = dict.fromkeys(MUTATIONS, 1.0)
 JOINING = ("new_path", "bidirectional")
+PERTURBATIONS = ("lens", "caustic", "glossy_caustic")
 
 # Rounding of float vertices: grazing cosines and short edges lose digits.
 TOLERANCE = 2e-3
@@ -57,6 +59,12 @@ def require_recorded_is_recomputed(name: str, samples: int, **settings: object) 
             assert (wrong > 0.02).sum() <= 0.3 * wrong.size + 5
             assert (wrong > 0.5).sum() <= 2e-3 * wrong.size + 2
             continue
+        if mutation in PERTURBATIONS and name in LIT_SCENES:
+            # So do distances that change by a thousandth.
+            wrong = disagreement(of, "log_forward")
+            assert (wrong > 0.005).sum() <= 0.03 * wrong.size + 5, mutation
+            assert (wrong > 0.1).sum() <= 3e-3 * wrong.size + 2, mutation
+            continue
         wrong = disagreement(of, "log_term") > TOLERANCE
         assert wrong.sum() <= 2e-3 * wrong.size + 2, (mutation, wrong.mean())
         if mutation in JOINING:
@@ -67,12 +75,12 @@ def require_recorded_is_recomputed(name: str, samples: int, **settings: object) 
         assert (of["log_forward"] >= of["log_term"] - 1e-9).all()
 
 
-@pytest.mark.parametrize("name", CLASS_SCENES | SCENES)
+@pytest.mark.parametrize("name", CLASS_SCENES | SCENES | LIT_SCENES)
 def test_the_recorded_density_is_the_recomputed_one(name: str) -> None:
     require_recorded_is_recomputed(name, 2500)
 
 
-@pytest.mark.parametrize("name", CLASS_SCENES | SCENES)
+@pytest.mark.parametrize("name", CLASS_SCENES | SCENES | LIT_SCENES)
 def test_what_a_proposal_kept_is_as_if_made_anew(name: str) -> None:
     """Factors and densities of unchanged vertices are not made again; those of the split see all
     that a wrong range of changed vertices would leave behind."""
@@ -84,7 +92,7 @@ def test_what_a_proposal_kept_is_as_if_made_anew(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CLASS_SCENES | SCENES)
+@pytest.mark.parametrize("name", CLASS_SCENES | SCENES | LIT_SCENES)
 def test_it_is_for_many_proposals(name: str) -> None:
     require_recorded_is_recomputed(name, 60000, steps=2, min_edges=2, depth=9, seed=3)
 
@@ -188,6 +196,78 @@ def test_light_points_bring_their_area(mutation: str) -> None:
         chosen = made["edges"] == 2
     require_measure(made, chosen, count, 2.5, np.array([12.0, 8.0]), 7.6,
                     pixel_area("perspective") * 0.8 * 0.6)  # fmt: skip
+
+
+FOG = s.Medium((0.25, 0.2, 0.3), (0.02, 0.02, 0.02), anisotropy=0.3)
+
+
+def foggy() -> object:
+    return build(
+        picture_of(
+            CAMERAS["perspective"], meshes=[floor(0, 8.0)], materials=[GREY], lights=[LAMP],
+            media=[FOG], world_medium=0,
+        )
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("mutation", ["lens", "lens_subpath", *JOINING])
+def test_in_media_it_integrates_to_their_volume(mutation: str) -> None:
+    """A point of fog instead, in frusta above and below the one it comes from: pixels, from depth
+    to depth."""
+    count = 400000 if mutation in JOINING else 120000
+    out = proposals(foggy(), mutation, count, "LME")
+    made, start = out["made"], out["start"]
+    depth = position(start, 2)[0, 1] - position(start, 1)[0, 1]
+    depths = position(made, 2)[:, 1] - position(made, 1)[:, 1]
+    only_x1 = (made["edges"] == 2) & (made["m_y"] == 2)
+    if mutation == "new_path":  # of which x0 is new as well
+        only_x1 = made["edges"] == 2
+    else:
+        only_x1 &= (made["l"] == 0) & (made["m"] == 2)
+    wide = mutation in ("lens_subpath", *JOINING)
+    origin = np.array([start["raster_x"][0], start["raster_y"][0]])
+    lamp = 0.8 * 0.6 if mutation == "new_path" else 1
+    assert 1 < depth < 3.6
+    for near, far in ((0.85, 0.95), (1.05, 1.12)) if not wide else ((0.5, 0.8), (0.9, 1.05)):
+        inside = only_x1 & (depths > near * depth) & (depths < far * depth)
+        # Pixels grow with the depth; ``pixel_area`` is that at a depth of 4.
+        volume = pixel_area("perspective") / 16 * depth**3 * (far**3 - near**3) / 3
+        radius = 7.0 if wide else 0.6 * start["largest_move"][0]
+        size = 2.0 if wide else 0.5
+        require_measure(made, inside, count, size, origin, radius, volume * lamp)
+
+
+def test_so_it_does_seen_from_the_light() -> None:
+    """Parts of shells about the old direction from the light."""
+    count = 120000
+    out = proposals(foggy(), "caustic", count, "LME")
+    made, start = out["made"], out["start"]
+    x0, x1, x2 = (position(start, v)[0] for v in range(3))
+    axis, ways = x1 - x0, position(made, 1) - x0
+    far, distances = np.linalg.norm(axis), np.linalg.norm(ways, axis=1)
+    axis /= far
+    sides = np.cross(axis, [0.3, 0.5, 0.8])
+    sides = np.stack([sides / np.linalg.norm(sides), np.cross(axis, sides / np.linalg.norm(sides))])
+    across = ways @ sides.T
+    angle = np.arctan2(np.hypot(*across.T), ways @ axis)
+    azimuth = np.arctan2(across[:, 1], across[:, 0])
+    largest = start["largest_move"][0] * 2 * math.tan(math.radians(20)) / HEIGHT
+    largest *= np.linalg.norm(x2 - x1) / far
+    inverse = np.exp(-made["log_density"])
+    p = []
+    for lower, upper in ((0.2, 0.5), (0.5, 0.95)):
+        for near, end in ((0.7, 0.95), (1.03, 1.12)):  # above the floor
+            for side in (-1, 1):
+                inside = (angle > lower * largest) & (angle < upper * largest)
+                inside &= (distances > near * far) & (distances < end * far) & (azimuth * side > 0)
+                volume = math.pi * (math.cos(lower * largest) - math.cos(upper * largest))
+                volume *= far**3 * (end**3 - near**3) / 3
+                values = inverse[inside]
+                mean = values.sum() / count
+                error = math.sqrt((values**2).sum() / count - mean**2) / math.sqrt(count)
+                assert error < 0.05 * volume
+                p.append(2 * stats.norm.sf(abs(mean - volume) / error))
+    assert sidak(np.array(p)) >= SIGNIFICANCE, p
 
 
 def uniform(values: np.ndarray) -> float:

@@ -27,6 +27,9 @@ STEPS = {
     ("lens", "mirror_floor"): 3,
     ("glossy_lens", "polished"): 8,
     ("glossy_caustic", "polished"): 4,
+    ("lens", "thick_fog"): 2,
+    ("caustic", "thick_fog"): 2,
+    ("multi_chain", "milk"): 3,
 }
 
 # (mutant, mutation, scene)
@@ -87,6 +90,20 @@ SEEN_BY_STATIONARITY = [
     # Half vectors that are kept.
     ("half_vector", "glossy_lens", "polished"),
     ("half_vector", "glossy_caustic", "polished"),
+    # Media: where rays stop by chance, which walks that keep what they had do not; distances that
+    # they change; points in them, which have no cosine.
+    ("collision_density", "new_path", "thick_fog"),
+    ("collision_density", "bidirectional", "thick_fog"),
+    ("collision_density", "lens_subpath", "thick_fog"),
+    ("media_survival", "lens", "thick_fog"),
+    ("media_survival", "caustic", "thick_fog"),
+    ("distance_factor", "lens", "thick_fog"),
+    ("distance_factor", "caustic", "thick_fog"),
+    ("medium_cosine", "new_path", "thick_fog"),
+    ("medium_cosine", "bidirectional", "thick_fog"),
+    ("medium_cosine", "lens", "thick_fog"),
+    ("medium_cosine", "caustic", "thick_fog"),
+    ("medium_cosine", "lens_subpath", "thick_fog"),
     # A term for the sum.
     ("largest_split", "new_path", "corridor"),
     ("largest_split", "bidirectional", "corridor"),
@@ -114,6 +131,8 @@ SEEN_BY_WHAT_WAS_RECORDED = [
     ("dirac_measure", "multi_chain", "pool"),
     ("lens_point", "lens", "pool_through_a_lens"),
     ("lens_point", "multi_chain", "pool_through_a_lens"),
+    ("media_survival", "multi_chain", "milk"),
+    ("distance_factor", "multi_chain", "milk"),
 ]
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import pytest
 
 from support.class_scenes import CLASS_SCENES
+from support.media_scenes import LIT_SCENES
 from support.mutations import MUTATIONS, of_mutation, stationarity, steps
 from support.scenes import SCENES
 
@@ -32,7 +33,7 @@ def require_stationarity(name: str, samples: int, **settings: object) -> None:
     assert told >= 3, "too few steps to tell"
 
 
-@pytest.mark.parametrize("name", CLASS_SCENES)
+@pytest.mark.parametrize("name", CLASS_SCENES | LIT_SCENES)
 def test_a_step_leaves_the_target_distribution_unchanged(name: str) -> None:
     require_stationarity(name, 30000, rounds=2)
 
@@ -41,7 +42,7 @@ def test_so_it_does_without_short_paths_and_with_a_weighted_target() -> None:
     require_stationarity("mirrors_and_floor", 30000, rounds=2, min_edges=3, two_stage=True)
 
 
-@pytest.mark.parametrize("name", ["mirrors_and_floor", "pool"])
+@pytest.mark.parametrize("name", ["mirrors_and_floor", "pool", "thick_fog"])
 def test_so_it_does_with_the_target_that_the_selective_split_leaves(name: str) -> None:
     """The starts' weights have the split's part from the weights of bidirectional samples, the
     chains from the densities of finished paths."""
@@ -61,6 +62,6 @@ VARIANTS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize("name", CLASS_SCENES | SCENES)
+@pytest.mark.parametrize("name", CLASS_SCENES | SCENES | LIT_SCENES)
 def test_it_does_in_every_scene(name: str, variant: str) -> None:
     require_stationarity(name, 60000, rounds=5, steps=2, seed=1, **VARIANTS[variant])

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from support.media_scenes import LIT_SCENES
 from support.rendering import build
 from support.scenes import SCENES
 from usdmlt import _core
@@ -21,12 +22,12 @@ TOLERANCE = 2e-3
 
 
 def probe(name: str, depth: int = 6, samples: int = 1000) -> dict[str, np.ndarray]:
-    rows = _core.strategy_probe(build(SCENES[name]()), samples, depth, seed=3)
+    rows = _core.strategy_probe(build((SCENES | LIT_SCENES)[name]()), samples, depth, seed=3)
     assert len(rows["s"]) > 300
     return rows
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", SCENES | LIT_SCENES)
 def test_weights_are_those_of_the_power_heuristic(name: str) -> None:
     rows = probe(name)
     wrong = np.abs(rows["weight"] - rows["weight_by_definition"]) > TOLERANCE
@@ -35,7 +36,7 @@ def test_weights_are_those_of_the_power_heuristic(name: str) -> None:
     assert set(rows["t"]) >= {1, 2, 3}
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", SCENES | LIT_SCENES)
 def test_throughputs_are_contribution_over_density(name: str) -> None:
     rows = probe(name)
     a, b = rows["estimate"], rows["estimate_by_definition"]

@@ -100,8 +100,9 @@ def smoke() -> s.Scene:
 @scene
 def milk() -> s.Scene:
     """A dense liquid in a ball of glass: interfaces of both of its sides, media in each other."""
-    shell, liquid = s.Material(s.Dielectric(1.5, 0.0, scatter_mode="RT")), s.Material(
-        s.Dielectric(1.33 / 1.5, 0.0, scatter_mode="RT")
+    shell, liquid = (
+        s.Material(s.Dielectric(1.5, 0.0, scatter_mode="RT")),
+        s.Material(s.Dielectric(1.33 / 1.5, 0.0, scatter_mode="RT")),
     )
     return picture_of(
         perspective((0, 0.6, 4), (0, 0, 0), 32),
@@ -111,7 +112,10 @@ def milk() -> s.Scene:
             sphere(0.75, 2, medium=1),
         ],
         materials=[GREY, shell, liquid],
-        lights=[s.RectLight((9, 9, 9), 2, 2, facing((0.5, 2.5, 1.5), (0, 0, 0))), s.DomeLight((0.3,) * 3)],
+        lights=[
+            s.RectLight((9, 9, 9), 2, 2, facing((0.5, 2.5, 1.5), (0, 0, 0))),
+            s.DomeLight((0.3,) * 3),
+        ],
         media=[s.Medium(absorption=(0.3, 0.1, 0.4)), s.Medium((2.5, 2.4, 2.0), (0.01, 0.03, 0.1))],
     )
 
@@ -164,6 +168,34 @@ def overlapping() -> s.Scene:
 
 
 @scene
+def thick_fog() -> s.Scene:
+    """Distances, and optical depths of up to 5, that differ many times; chains through fog by a
+    mirror, a glass block and a polished plate. Seen along no axis."""
+    polish = s.Material(s.Conductor(roughness=0.12))
+    return picture_of(
+        perspective((2.6, 1.6, 2.2), (0, 0.2, 0), 50),
+        meshes=[
+            floor(0, half=2.5),
+            quad((-1.5, 0.1, 1.2), (0, 0, -2.4), (0.3, 1.6, 0), 1),
+            box((0.3, 0.2, -0.9), (1.1, 0.6, -0.2), 2, medium=1),
+            quad((0.2, 0.05, 0.5), (0.9, 0, 0.3), (-0.2, 0.5, 0.5), 3),
+        ],
+        materials=[
+            WHITE,
+            s.Material(s.Conductor((0.2, 0.4, 1.4), (3.4, 2.3, 1.8), 0.0)),
+            GLASS,
+            polish,
+        ],
+        lights=[
+            s.RectLight((30, 30, 25), 0.9, 0.7, facing((-0.6, 1.7, 0.2), (0, 0, 0))),
+            s.SphereLight((30, 30, 30), 0.15, translate(0.9, 0.9, 0.6)),
+        ],
+        media=[s.Medium((1.0, 0.7, 0.4), (0.05, 0.1, 0.3), anisotropy=0.4), CLEAR],
+        world_medium=0,
+    )
+
+
+@scene
 def fire() -> s.Scene:
     """A medium glows, and lights the floor and smoke, which scatters as well; behind glass."""
     x, y, z = np.meshgrid(*[np.linspace(-1, 1, n) for n in (6, 8, 6)], indexing="ij")
@@ -188,3 +220,7 @@ def fire() -> s.Scene:
         ],
         volumes=[volume(box(*corners), 0)],
     )
+
+
+# What chains are for: lights, not what glows by itself.
+LIT_SCENES = {name: make for name, make in MEDIA_SCENES.items() if name != "fire"}

@@ -18,6 +18,7 @@ import numpy as np
 from scipy import sparse, stats
 
 from support.class_scenes import CLASS_SCENES
+from support.media_scenes import MEDIA_SCENES
 from support.rendering import build
 from support.scenes import HEIGHT, SCENES, WIDTH
 from support.statistics import sidak
@@ -36,7 +37,7 @@ MUTATIONS = (
 
 
 def build_scene(name: str):
-    return build((CLASS_SCENES | SCENES)[name]())
+    return build((CLASS_SCENES | SCENES | MEDIA_SCENES)[name]())
 
 
 # ---- Steps ------------------------------------------------------------------------------------
