@@ -71,8 +71,8 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
     double pdf = 0;         // of the ray's direction, by the BSDF
     Spectrum through_media;  // of the ray: transmittance over the probability of its end
     bool seen = true;        // by the eye, directly or through Dirac components
-    // Rays that come from opaque scenes' eyes alone have a second way to stop in media. That of the
-    // edge before `previous`.
+    // Of the edge before `previous`: rays whose reach is no matter of chance have a second way to
+    // stop in media.
     EquiangularRay equiangular;
     float eta_squared = 1;   // of the medium the ray is in: what refraction took from the radiance
     alpha = 0;
@@ -131,7 +131,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             layers->classes.end(*v, *previous, -ray.direction, value, layers->sample);
         });
         equiangular = {};
-        if (seen && scene.all_opaque && scene.media.scatter() && k < settings.depth &&
+        if (seen && scene.all_whole && scene.media.scatter() && k < settings.depth &&
             k + 1 >= settings.min_edges) [[unlikely]] {
             Ray reach = ray;
             Hit hit;

@@ -317,12 +317,11 @@ bool medium_vertex(const Ray& ray, const Collision& collision, Vertex& v) {
 // x is nearer to the light, z to the eye; either may be what a ray only passed on its way out.
 void set_media(const Scene& scene, const Ray& stretch, const Vertex* x, const Vertex* z,
                RayCounters& counters, Edge& edge) {
-    const OpticalDepth depth = optical_depth(scene.media, stretch, counters.media);
-    const Spectrum transmittance = depth.transmittance();
-    for (int c = 0; c < 3; ++c) edge.media[c] = transmittance[c];
+    const Attenuation on_the_way(optical_depth(scene.media, stretch, counters.media));
+    for (int c = 0; c < 3; ++c) edge.media[c] = static_cast<float>(on_the_way.transmittance[c]);
     const auto made = [&](const Vertex* v) {
-        return static_cast<float>(v && v->is_medium() ? depth.density(v->collision)
-                                                      : depth.probability());
+        return static_cast<float>(v && v->is_medium() ? on_the_way.density(v->collision)
+                                                      : on_the_way.probability());
     };
     edge.media_from_eye = made(x);
     edge.media_from_light = made(z);
