@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "integrators/equiangular.hpp"
 #include "paths/connect.hpp"
 #include "paths/densities.hpp"
 #include "paths/emission.hpp"
@@ -18,9 +19,11 @@ constexpr int stratified_pairs = camera_pairs + 4 * bounce_pairs;
 constexpr int roulette_start = 1;
 
 // Next-event estimation at z, weighted against BSDF sampling:
-//     w = p_D² / (p_D² + p_B²).
+//     w = p_D² / (p_D² + p_B²),
+// and, where z is a point of a medium, against equiangular sampling.
 Spectrum direct_light(const Scene& scene, Sampler& sampler, const SubpathVertex& z,
-                      const SubpathVertex& z_previous, SubpathVertex& x0, RayCounters& counters) {
+                      const SubpathVertex& z_previous, const EquiangularRay& equiangular,
+                      SubpathVertex& x0, RayCounters& counters) {
     double pdf_direct;
     if (!sample_light(scene, sampler, z, x0, pdf_direct)) return {};
     const Spectrum value = join(scene, x0, nullptr, z, &z_previous);
@@ -33,6 +36,9 @@ Spectrum direct_light(const Scene& scene, Sampler& sampler, const SubpathVertex&
             density_by_scattering(z, z.to_previous, x0, direction_to(z, x0), Known::eye, edge);
         other = squared_ratio(pdf, pdf_direct);
     }
+    if (z.is_medium())
+        other += squared_ratio(equiangular.density(scene.lights, x0, z),
+                               z.edge.media_from_eye * pdf_direct);
     const Spectrum weighted = value * static_cast<float>(edge.transmittance / (1 + other));
     return scene.media.empty() ? weighted : weighted * edge.media_transmittance();
 }
@@ -52,6 +58,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
     SubpathVertex* previous = &scratch.vertices[0];
     SubpathVertex* v = &scratch.vertices[1];
     SubpathVertex& x0 = scratch.vertices[2];
+    SubpathVertex& scatters_once = scratch.vertices[3];
     const Vec2f u_lens = camera.lens_radius > 0 ? sampler.next_2d() : Vec2f{};
     const float time = sample_time(scene, sampler);
     const int first_pair = camera_pairs + (scene.has_motion ? 1 : 0);
@@ -63,6 +70,10 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
     Spectrum radiance_sum, throughput(1.0f);
     double pdf = 0;         // of the ray's direction, by the BSDF
     Spectrum through_media;  // of the ray: transmittance over the probability of its end
+    bool seen = true;        // by the eye, directly or through Dirac components
+    // Of the edge before `previous`: rays whose reach is no matter of chance have a second way to
+    // stop in media.
+    EquiangularRay equiangular;
     float eta_squared = 1;   // of the medium the ray is in: what refraction took from the radiance
     alpha = 0;
     const auto record = [&](const Spectrum& value, int edges) {
@@ -103,7 +114,11 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             const double p = area_density(pdf, *previous, *v, ray.direction) *
                              v->edge.survival(Known::eye);
             const double direct = pdf_direct(scene.lights, v->light, previous->position);
-            value *= static_cast<float>(1 / (1 + squared_ratio(direct, p)));
+            double others = squared_ratio(direct, p);
+            if (previous->is_medium())
+                others += squared_ratio(equiangular.density(scene.lights, *v, *previous),
+                                        previous->edge.media_from_eye * p);
+            value *= static_cast<float>(1 / (1 + others));
         }
         if (record(value, k)) [[unlikely]]
             end(value, false);
@@ -115,6 +130,30 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             if (in_medium) return layers->classes.end_in_medium(value, layers->sample);
             layers->classes.end(*v, *previous, -ray.direction, value, layers->sample);
         });
+        equiangular = {};
+        if (seen && scene.all_whole && scene.media.scatter() && k < settings.depth &&
+            k + 1 >= settings.min_edges) [[unlikely]] {
+            Ray reach = ray;
+            Hit hit;
+            Edge edge;
+            float opacity;
+            if (met && v->is_surface())
+                reach.tfar = length(v->position - ray.origin);
+            else if (met && v->is_medium() &&
+                     trace(scene, ray, Known::eye, sampler.stream(), statistics.rays, hit, opacity,
+                           edge) == Met::surface)
+                reach.tfar = hit.t;
+            equiangular = EquiangularRay(*previous, reach);
+            const Spectrum value =
+                equiangular_light(scene, sampler, equiangular, *previous, reach, throughput, x0,
+                                  scatters_once, statistics.rays);
+            if (record(value, k + 1)) {
+                const Vec3f from_light = direction_to(x0, scatters_once);
+                layers->classes.scatter_and_end(
+                    scattering_event(scatters_once, -from_light, -ray.direction, non_delta), x0,
+                    scatters_once, from_light, value, layers->sample);
+            }
+        }
         if (!met) break;
         throughput *= through_media;
         if (v->infinite || v->closure.lobe_count == 0 || k == settings.depth) break;
@@ -123,7 +162,8 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         v->to_previous = -ray.direction;
         sampler.seek(pair + light_pair);
         if (v->closure.has_non_delta && k + 1 >= settings.min_edges) {
-            const Spectrum value = direct_light(scene, sampler, *v, *previous, x0, statistics.rays);
+            const Spectrum value = direct_light(scene, sampler, *v, *previous, equiangular, x0,
+                                                statistics.rays);
             if (record(value, k + 1)) [[unlikely]] {
                 const Vec3f from_light = direction_to(x0, *v);
                 layers->classes.scatter_and_end(
@@ -171,6 +211,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         if (!v->closure.sample(-ray.direction, Known::eye, choice.x, u, sample)) break;
         if (last && sample.component != non_delta) break;
         v->component = sample.component;
+        seen = seen && sample.component != non_delta;
         if (layers) [[unlikely]]
             layers->classes.scatter(
                 scattering_event(*v, sample.direction, v->to_previous, sample.component));

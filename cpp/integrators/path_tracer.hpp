@@ -14,7 +14,7 @@ namespace usdmlt {
 
 // The memory of one thread.
 struct PathTracerScratch {
-    SubpathVertex vertices[3];
+    SubpathVertex vertices[4];
     LayerScratch* layers = nullptr;  // gets the parts of the radiance, unless null
 };
 

@@ -17,6 +17,7 @@ void Media::commit(std::shared_ptr<const embree::Library> library, const std::st
     for (Medium& medium : media) {
         medium.finish();
         emit_ = emit_ || medium.emits;
+        scatter_ = scatter_ || medium.scatters;
     }
     if (bodies.empty()) return;
     for (size_t i = 0; i < bodies.size(); ++i) {

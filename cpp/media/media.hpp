@@ -74,6 +74,7 @@ public:
 
     bool empty() const { return media.empty(); }
     bool emit() const { return emit_; }
+    bool scatter() const { return scatter_; }
 
     // To be called once everything above is in place.
     void commit(std::shared_ptr<const embree::Library> library, const std::string& isa);
@@ -131,7 +132,7 @@ private:
     }
 
     std::unique_ptr<Acceleration> acceleration_;
-    bool emit_ = false;
+    bool emit_ = false, scatter_ = false;
 };
 
 }  // namespace usdmlt

@@ -56,11 +56,11 @@ Spectrum glow(const Media& media, const Ray& ray, double u, Media::Scratch& scra
                 there.all[c] += medium.extinction[c] * before;
                 if (medium.scatters) there.sampled[c] += medium.extinction[c] * before;
             }
-            const double p = there.probability();
+            const Attenuation to(there);
             const std::array<double, 3> e = emission(t);
-            if (p > 0)
+            if (to.probability() > 0)
                 for (size_t c = 0; c < 3; ++c)
-                    sum[c] += e[c] * std::exp(-there.all[c]) / p * (double(b) - a);
+                    sum[c] += e[c] * to.transmittance[c] / to.probability() * (double(b) - a);
         }
         const double all = density(b);
         for (int c = 0; c < 3; ++c) {
@@ -95,11 +95,12 @@ Spectrum glow(const Media& media, const Ray& ray, double u, Media::Scratch& scra
                 });
             return true;
         }
-        const double p = depth.probability(), length = double(t1) - t0;
+        const Attenuation to(depth);
+        const double p = to.probability(), length = double(t1) - t0;
         for (int c = 0; c < 3; ++c) {
             const double sigma = medium.extinction[c];
             const double absorbed = sigma > 0 ? -std::expm1(-sigma * length) / sigma : length;
-            if (p > 0) sum[c] += medium.emission[c] * std::exp(-depth.all[c]) / p * absorbed;
+            if (p > 0) sum[c] += medium.emission[c] * to.transmittance[c] / p * absorbed;
             depth.all[c] += sigma * length;
         }
         return true;

@@ -16,19 +16,25 @@ struct OpticalDepth {
     double all[3] = {0, 0, 0};      // of what attenuates,
     double sampled[3] = {0, 0, 0};  // and of where rays may stop
 
-    Spectrum transmittance() const {
-        return {static_cast<float>(std::exp(-all[0])), static_cast<float>(std::exp(-all[1])),
-                static_cast<float>(std::exp(-all[2]))};
+};
+
+// e^−τ of both: grey media and those that scatter everywhere need one or three exponentials.
+struct Attenuation {
+    double transmittance[3], free[3];
+
+    explicit Attenuation(const OpticalDepth& depth) {
+        for (int c = 0; c < 3; ++c) {
+            const bool again = c > 0 && depth.all[c] == depth.all[0];
+            transmittance[c] = again ? transmittance[0] : std::exp(-depth.all[c]);
+            free[c] = depth.sampled[c] == depth.all[c] ? transmittance[c]
+                                                       : std::exp(-depth.sampled[c]);
+        }
     }
     // That no collision is sampled on the way,
-    double probability() const {
-        return (std::exp(-sampled[0]) + std::exp(-sampled[1]) + std::exp(-sampled[2])) / 3;
-    }
+    double probability() const { return (free[0] + free[1] + free[2]) / 3; }
     // or that one is sampled at its end, per length; `extinction` is that of the point.
     double density(const Spectrum& extinction) const {
-        double sum = 0;
-        for (int c = 0; c < 3; ++c) sum += extinction[c] * std::exp(-sampled[c]);
-        return sum / 3;
+        return (extinction[0] * free[0] + extinction[1] * free[1] + extinction[2] * free[2]) / 3;
     }
 };
 

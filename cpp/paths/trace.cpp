@@ -218,9 +218,11 @@ Met trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCoun
           Hit& hit, float& opacity_out, Edge& edge) {
     edge = {};
     opacity_out = 1;
+    float passed = 0;
     for (;;) {
         counters.count_closest(ray);
         if (!scene.acceleration->intersect(ray, hit)) return Met::nothing;
+        hit.t += passed;
         if (scene.all_opaque || hit.mesh == invalid_index) return Met::surface;
         const Mesh& mesh = scene.meshes[hit.mesh];
         const float alpha =
@@ -240,7 +242,8 @@ Met trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCoun
         }
         ray.origin = crossing.other_side(ray.direction);
         ray.tnear = 0;
-        ray.tfar -= hit.t;
+        ray.tfar -= hit.t - passed;
+        passed = hit.t;
     }
 }
 
@@ -314,12 +317,11 @@ bool medium_vertex(const Ray& ray, const Collision& collision, Vertex& v) {
 // x is nearer to the light, z to the eye; either may be what a ray only passed on its way out.
 void set_media(const Scene& scene, const Ray& stretch, const Vertex* x, const Vertex* z,
                RayCounters& counters, Edge& edge) {
-    const OpticalDepth depth = optical_depth(scene.media, stretch, counters.media);
-    const Spectrum transmittance = depth.transmittance();
-    for (int c = 0; c < 3; ++c) edge.media[c] = transmittance[c];
+    const Attenuation on_the_way(optical_depth(scene.media, stretch, counters.media));
+    for (int c = 0; c < 3; ++c) edge.media[c] = static_cast<float>(on_the_way.transmittance[c]);
     const auto made = [&](const Vertex* v) {
-        return static_cast<float>(v && v->is_medium() ? depth.density(v->collision)
-                                                      : depth.probability());
+        return static_cast<float>(v && v->is_medium() ? on_the_way.density(v->collision)
+                                                      : on_the_way.probability());
     };
     edge.media_from_eye = made(x);
     edge.media_from_light = made(z);
@@ -369,6 +371,17 @@ Met trace_next(const Scene& scene, const Vertex& from, const Ray& ray, Known rol
     set_media(scene, stretch, role == Known::eye ? next : &from, role == Known::eye ? &from : next,
               counters, edge);
     return met;
+}
+
+bool medium_point(const Scene& scene, const Vertex& from, const Ray& ray, float t,
+                  RayCounters& counters, Vertex& v, Edge& edge) {
+    const Collision collision = collision_at(scene.media, ray, t, counters.media);
+    if (!collision.medium || !medium_vertex(ray, collision, v)) return false;
+    edge = {};
+    Ray stretch = ray;
+    stretch.tfar = t;
+    set_media(scene, stretch, &v, &from, counters, edge);
+    return true;
 }
 
 bool trace_vertex(const Scene& scene, const Vertex& from, const Ray& ray, Known role,

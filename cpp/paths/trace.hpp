@@ -66,7 +66,8 @@ enum class Met : uint8_t {
     medium
 };
 
-// Follows a ray from the eye's or the light's side to the surface where it stops.
+// Follows a ray from the eye's or the light's side to the surface where it stops; hit.t is the
+// distance from the ray's start.
 Met trace(const Scene& scene, Ray ray, Known role, RandomStream& random, RayCounters& counters,
           Hit& hit, float& opacity, Edge& edge);
 
@@ -99,6 +100,11 @@ private:
 bool trace_vertex(const Scene& scene, const Vertex& from, const Ray& ray, Known role,
                   bool environment, RandomStream& random, RayCounters& counters, Vertex& v,
                   Edge& edge, MediaStop stop = {});
+
+// The point of a ray at distance t in a medium that scatters, and the edge to it; false where there
+// is none.
+bool medium_point(const Scene& scene, const Vertex& from, const Ray& ray, float t,
+                  RayCounters& counters, Vertex& v, Edge& edge);
 
 // The first ray of a light subpath, from x0: by the direction of a surface light, or the origin of
 // a light at infinity, whose density is `pdf`. False: there is none.

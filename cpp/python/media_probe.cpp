@@ -64,7 +64,7 @@ py::tuple optical_depths(const Scene& scene, const Doubles& origins, const Float
         const OpticalDepth depth = optical_depth(
             scene.media, ray_of(scene, origins, directions, i, lengths.at(i), time), scratch);
         for (int c = 0; c < 3; ++c) depths.mutable_at(i, c) = depth.all[c];
-        probability.mutable_at(i) = depth.probability();
+        probability.mutable_at(i) = Attenuation(depth).probability();
     }
     return py::make_tuple(depths, probability);
 }

@@ -56,9 +56,10 @@ ShapeCallbacks light_shapes(const Lights& lights) {
 }  // namespace
 
 void Scene::commit(const std::shared_ptr<const embree::Library>& library, const std::string& isa) {
+    all_whole = std::all_of(materials.materials.begin(), materials.materials.end(),
+                            [](const Material& m) { return m.is_opaque; });
     all_opaque =
-        std::all_of(materials.materials.begin(), materials.materials.end(),
-                    [](const Material& m) { return m.is_opaque; }) &&
+        all_whole &&
         std::none_of(meshes.begin(), meshes.end(), [](const Mesh& m) { return m.one_sided; }) &&
         !media.nested;
     add_mesh_lights(*this);

@@ -32,7 +32,8 @@ struct Scene {
     bool background = true;  // the camera sees environments directly
 
     std::unique_ptr<Acceleration> acceleration;
-    bool all_opaque = true;  // no ray passes any surface
+    bool all_opaque = true;  // no ray passes any surface,
+    bool all_whole = true;   // or does so by chance
 
     // Light of each mesh of the world; of each emissive mesh of each instance. invalid_index: none.
     std::vector<uint32_t> mesh_lights;
