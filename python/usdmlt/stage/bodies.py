@@ -1,0 +1,108 @@
+"""Closed meshes as bodies of media: which one each is filled with, and what of them has no surface.
+
+As soon as anything in a stage scatters, absorbs or glows between surfaces, closed meshes that
+refract and hold nothing else are filled with a clear medium: there is no fog inside of glass.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pxr import Usd
+
+from usdmlt.errors import Error, Report
+from usdmlt.scene import Medium, Mesh
+from usdmlt.stage.materials import Materials
+from usdmlt.stage.sides import refracts
+from usdmlt.stage.traversal import Group
+
+PRIORITY = "usdmlt:mediumPriority"
+CLEAR = "clear"
+# Points that are this close, of the size of a mesh, may be one: exporters round what they split.
+SAME_POINT = 1e-5
+
+
+def fill(group: Group, materials: Materials, report: Report) -> None:
+    """Give each mesh of a group the medium of its material, and set those without a surface apart.
+
+    A mesh of several materials has the medium of the most triangles. One that is not closed has
+    none: a warning names it.
+    """
+    prims = {str(placed.prim.GetPath()): placed.prim for placed in group.gprims}
+    surfaces = []
+    for mesh in group.scene_meshes:
+        index = _medium(mesh, materials)
+        if index is not None and not is_closed(mesh):
+            report.warn("meshes that are not closed hold no medium", mesh.name)
+            index = None
+        mesh.medium = index
+        mesh.medium_priority = priority(prims[mesh.name])
+        if not set(np.unique(mesh.materials).tolist()) <= materials.without_surface:
+            surfaces.append(mesh)
+        elif index is not None:
+            group.scene_volumes.append(mesh)
+    group.scene_meshes = surfaces
+
+
+def fill_glass(groups: list[Group], materials: Materials) -> None:
+    """Fill what refracts, and holds nothing else, with a clear medium."""
+    clear: int | None = None
+    for group in groups:
+        for mesh in group.scene_meshes:
+            if mesh.medium is None and refracts(mesh, materials.materials) and is_closed(mesh):
+                clear = materials.add_medium(Medium(name=CLEAR)) if clear is None else clear
+                mesh.medium = clear
+
+
+def priority(prim: Usd.Prim) -> int:
+    """Which of overlapping bodies counts: the highest."""
+    attribute = prim.GetAttribute(PRIORITY)
+    value = attribute.Get() if attribute and attribute.HasAuthoredValue() else 0
+    if isinstance(value, bool) or not isinstance(value, int) or abs(value) >= 2**31:
+        raise Error(f"{prim.GetPath()}: {PRIORITY} is {value!r}, not a whole number")
+    return value
+
+
+def interacts(medium: Medium) -> bool:
+    """Whether light that passes a medium is changed, or added to, by it."""
+    return any(map(any, (medium.scattering, medium.absorption, medium.emission))) or glows(medium)
+
+
+def glows(medium: Medium) -> bool:
+    """Whether a medium gives off light."""
+    grid = medium.grid
+    return any(medium.emission) or (grid is not None and grid.emission is not None)
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether an even number of triangles, two as a rule, meet at every edge.
+
+    Points count by where they are: exporters split vertices.
+    """
+    points = mesh.points.astype(np.float64)
+    if _all_edges_are_shared(mesh, points):
+        return True
+    size = np.ptp(points, axis=0).max() * SAME_POINT
+    if not size > 0:
+        return False
+    # Points on either side of a cell's border are apart: other borders may tell.
+    return any(_all_edges_are_shared(mesh, np.round(points / size + s)) for s in (0.0, 0.25, 0.5))
+
+
+def _all_edges_are_shared(mesh: Mesh, points: np.ndarray) -> bool:
+    unique, vertex = np.unique(points + 0.0, axis=0, return_inverse=True)  # -0 is 0
+    triangles = vertex.ravel()[mesh.triangles]
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    _, counts = np.unique(edges @ (len(unique), 1), return_counts=True)
+    return bool(len(counts)) and not (counts % 2).any()
+
+
+def _medium(mesh: Mesh, materials: Materials) -> int | None:
+    """Of the materials of a mesh, the medium of the most triangles."""
+    used, counts = np.unique(mesh.materials, return_counts=True)
+    triangles: dict[int, int] = {}
+    for material, count in zip(used.tolist(), counts.tolist(), strict=True):
+        medium = materials.interiors.get(material)
+        if medium is not None:
+            triangles[medium] = triangles.get(medium, 0) + count
+    return max(triangles, key=lambda medium: triangles[medium], default=None)
