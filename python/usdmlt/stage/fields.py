@@ -1,4 +1,4 @@
-"""Values of volumes from files: NumPy's .npy and .npz.
+"""Values of volumes from files: NumPy's .npy and .npz, and OpenVDB's .vdb.
 
 A field is any prim with ``filePath`` and ``fieldName``, such as an OpenVDBAsset; what the file is,
 its name says. ``fieldIndex`` does not count.
@@ -8,22 +8,46 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
+from zipfile import BadZipFile
 
 import numpy as np
 from pxr import Ar, Usd
 
 from usdmlt.errors import Error, Report
+from usdmlt.stage import vdb_files
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
 @dataclass
 class Field:
-    """``values`` as they are in the file; ``box``: lower and upper corner in the field's own space,
-    None where neither prim nor file say."""
+    """``values`` as they are in the file. ``box``: lower and upper corner, None where nothing says;
+    ``transform`` (4, 4): from the space of the box to that of the prim. ``first``: of an OpenVDB
+    grid, the index of the first voxel."""
 
     values: np.ndarray
     box: Box | None
+    transform: np.ndarray
+    first: np.ndarray | None = None
+
+    def like(self, other: Field) -> Field:
+        """The voxels that another grid of the same file has; 0 where this one has none."""
+        if self.first is None or other.first is None:
+            return self
+        if not np.array_equal(self.transform, other.transform):
+            raise ValueError("grids of one volume have different voxels")
+        values = np.zeros_like(other.values)
+        low = np.maximum(self.first, other.first)
+        high = np.minimum(self.first + self.values.shape, other.first + values.shape)
+        if (low < high).all():
+            values[_slices(low - other.first, high - other.first)] = self.values[
+                _slices(low - self.first, high - self.first)
+            ]
+        return Field(values, other.box, other.transform, other.first)
+
+
+def _slices(low: np.ndarray, high: np.ndarray) -> tuple[slice, ...]:
+    return tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
 
 
 def read_field(prim: Usd.Prim, name: str, time: Usd.TimeCode, report: Report) -> Field | None:
@@ -36,20 +60,28 @@ def read_field(prim: Usd.Prim, name: str, time: Usd.TimeCode, report: Report) ->
         return None
     suffix = asset.path.rpartition(".")[2].lower()
     place = f"{prim.GetPath()} ({asset.path})"
-    if suffix not in ("npy", "npz"):
-        report.warn("fields are read from NumPy's .npy and .npz files only", place)
+    if suffix not in ("npy", "npz", "vdb"):
+        report.warn("fields are read from .npy, .npz and .vdb files only", place)
         return None
-    content = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(asset.resolvedPath))
-    if not asset.resolvedPath or not content:
+    if suffix == "vdb" and not vdb_files.is_installed():
+        report.warn(vdb_files.MISSING, place)
+        return None
+    content = None
+    if asset.resolvedPath:
+        content = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(asset.resolvedPath))
+    if not content:
         report.warn("files of fields are missing", place)
         return None
     named = prim.GetAttribute("fieldName")
     name = str((named and named.Get(time)) or name)
+    data = bytes(content.GetBuffer())
+    if suffix == "vdb":
+        return _vdb(data, name, place, report)
     try:
-        values = _array(bytes(content.GetBuffer()), name)
-    except (OSError, ValueError, EOFError, KeyError) as reason:
+        values = _array(data, name)
+    except (OSError, ValueError, EOFError, KeyError, BadZipFile) as reason:
         raise Error(f"{place}: {reason}") from None
-    return Field(values, extent(prim, time))
+    return Field(values, extent(prim, time), np.eye(4))
 
 
 def _array(data: bytes, name: str) -> np.ndarray:
@@ -61,6 +93,17 @@ def _array(data: bytes, name: str) -> np.ndarray:
         raise ValueError(f"the file has no array {name!r}, but {', '.join(loaded.files)}")
     values: np.ndarray = loaded[name]
     return values
+
+
+def _vdb(data: bytes, name: str, place: str, report: Report) -> Field | None:
+    try:
+        values, first, transform = vdb_files.read_grid(data, name)
+    except vdb_files.Unreadable as reason:
+        report.warn("OpenVDB files cannot be read", f"{place}: {reason}")
+        return None
+    lower = tuple(map(float, first - 0.5))
+    upper = tuple(map(float, first + values.shape - 0.5))
+    return Field(values, (lower, upper), transform, first)
 
 
 def extent(prim: Usd.Prim, time: Usd.TimeCode) -> Box | None:

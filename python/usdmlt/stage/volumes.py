@@ -78,7 +78,7 @@ class VolumeReader:
         source, density = self._field(prim, fields, DENSITY)
         if density is None:
             return None
-        box, transform = density.box, self._to_group(source, group)
+        box, transform = density.box, density.transform @ self._to_group(source, group)
         if box is None:
             box, transform = extent(prim, self.time), placed.matrix
         if box is None:
@@ -90,7 +90,7 @@ class VolumeReader:
             self.report.warn("volumes of fields stand still", path)
         grid = Grid(_floats(density.values), *box, transform)
         self._check(grid, source)
-        self._heat(grid, prim, fields)
+        self._heat(grid, density, prim, fields)
         return Mesh(
             (np.array(box[0]) + _CORNERS * np.subtract(box[1], box[0])).astype(np.float32),
             _TRIANGLES.copy(),
@@ -123,14 +123,17 @@ class VolumeReader:
             medium = Medium(scattering=(1.0, 1.0, 1.0), name=str(prim.GetPath()))
         return replace(medium, grid=grid)
 
-    def _heat(self, grid: Grid, prim: Usd.Prim, fields: dict) -> None:
+    def _heat(self, grid: Grid, density: Field, prim: Usd.Prim, fields: dict) -> None:
         """The emission of a grid, from the field of its temperature."""
         if TEMPERATURE not in fields:
             return
         source, temperature = self._field(prim, fields, TEMPERATURE)
         if temperature is None:
             return
-        kelvin = _floats(temperature.values)
+        try:
+            kelvin = _floats(temperature.like(density).values)
+        except ValueError as reason:
+            raise Error(f"{source.GetPath()}: {reason}") from None
         if kelvin.shape != grid.values.shape:
             raise Error(
                 f"{source.GetPath()}: the temperature is {kelvin.shape}, which does not fit the "
