@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from usdmlt.scene import Grid, Medium, Scene
+from usdmlt.scene import Grid, Medium, Mesh, Scene, Volume
 
 PHASES = ("henyey_greenstein", "rayleigh")
+# Points that are this close, of the size of a mesh, may be one: exporters round what they split.
+SAME_POINT = 1e-5
 COEFFICIENTS = ("scattering", "absorption", "emission")
 
 
 def check_media(scene: Scene) -> None:
     """Raise ValueError, naming the medium or the mesh, for media that cannot be.
 
-    Coefficients are finite and at least 0, |anisotropy| is below 1, grids are whole, and indices
-    are those of :attr:`Scene.media`.
+    Coefficients are finite and at least 0, |anisotropy| is below 1, grids are whole, indices are
+    those of :attr:`Scene.media`, and what holds a medium is closed.
     """
     for index, medium in enumerate(scene.media):
         try:
@@ -22,12 +24,18 @@ def check_media(scene: Scene) -> None:
         except (TypeError, ValueError) as error:
             raise ValueError(f"medium '{medium.name or index}': {error}") from None
     meshes = [*scene.meshes, *(mesh for p in scene.prototypes for mesh in p.meshes)]
-    used: list[tuple[str, int | None]] = [("the world", scene.world_medium)]
-    used += [(f"mesh '{mesh.name}'", mesh.medium) for mesh in meshes]
-    used += [(f"volume '{volume.name}'", volume.medium) for volume in scene.volumes]
-    for name, number in used:
-        if number is not None and not 0 <= number < len(scene.media):
-            raise ValueError(f"{name} holds medium {number}, of {len(scene.media)}")
+    _check_index(scene, "the world", scene.world_medium)
+    bodies: list[Mesh | Volume] = [mesh for mesh in meshes if mesh.medium is not None]
+    for body in bodies + list(scene.volumes):
+        name = f"{type(body).__name__.lower()} '{body.name}'"
+        _check_index(scene, name, body.medium)
+        if not is_closed(body):
+            raise ValueError(f"{name} holds a medium and is not closed")
+
+
+def _check_index(scene: Scene, name: str, number: int | None) -> None:
+    if number is not None and not 0 <= number < len(scene.media):
+        raise ValueError(f"{name} holds medium {number}, of {len(scene.media)}")
 
 
 def _check_medium(medium: Medium) -> None:
@@ -84,6 +92,30 @@ def _check_values(name: str, values: np.ndarray, shape: str, dimensions: int) ->
         raise ValueError(f"{name} has values that are not finite")
     if values.min() < 0:
         raise ValueError(f"{name} has values below 0, down to {values.min():g}")
+
+
+def is_closed(mesh: Mesh | Volume) -> bool:
+    """Whether an even number of triangles, two as a rule, meet at every edge.
+
+    Points count by where they are: exporters split vertices.
+    """
+    points = np.asarray(mesh.points, dtype=np.float64)
+    if _all_edges_are_shared(mesh, points):
+        return True
+    size = np.ptp(points, axis=0).max() * SAME_POINT
+    if not size > 0:
+        return False
+    # Points on either side of a cell's border are apart: other borders may tell.
+    return any(_all_edges_are_shared(mesh, np.round(points / size + s)) for s in (0.0, 0.25, 0.5))
+
+
+def _all_edges_are_shared(mesh: Mesh | Volume, points: np.ndarray) -> bool:
+    unique, vertex = np.unique(points + 0.0, axis=0, return_inverse=True)  # -0 is 0
+    triangles = vertex.ravel()[mesh.triangles]
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    _, counts = np.unique(edges @ (len(unique), 1), return_counts=True)
+    return bool(len(counts)) and not (counts % 2).any()
 
 
 def plain(numbers: np.ndarray) -> tuple[float, ...]:

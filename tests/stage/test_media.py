@@ -12,9 +12,9 @@ import pytest
 from support.rendering import picture
 from support.usda import CUBE, connect, instance, mtlx_material, node
 from usdmlt.errors import Error
+from usdmlt.media import is_closed
 from usdmlt.scene import Medium, Scene
 from usdmlt.stage import load
-from usdmlt.stage.bodies import is_closed
 
 BOUND = 'def Cube "c" (prepend apiSchemas = ["MaterialBindingAPI"]) { rel material:binding = </M> }'
 GLASS = connect("bsdf", "glass")

@@ -10,15 +10,15 @@ import numpy as np
 from pxr import Usd
 
 from usdmlt.errors import Error, Report
+from usdmlt.media import is_closed
 from usdmlt.scene import Medium, Mesh
 from usdmlt.stage.materials import Materials
+from usdmlt.stage.motion import settled
 from usdmlt.stage.sides import refracts
 from usdmlt.stage.traversal import Group
 
 PRIORITY = "usdmlt:mediumPriority"
 CLEAR = "clear"
-# Points that are this close, of the size of a mesh, may be one: exporters round what they split.
-SAME_POINT = 1e-5
 
 
 def fill(group: Group, materials: Materials, report: Report) -> None:
@@ -31,7 +31,7 @@ def fill(group: Group, materials: Materials, report: Report) -> None:
     surfaces = []
     for mesh in group.scene_meshes:
         index = _medium(mesh, materials)
-        if index is not None and not is_closed(mesh):
+        if index is not None and not is_closed(settled(mesh)):
             report.warn("meshes that are not closed hold no medium", mesh.name)
             index = None
         mesh.medium = index
@@ -48,7 +48,11 @@ def fill_glass(groups: list[Group], materials: Materials) -> None:
     clear: int | None = None
     for group in groups:
         for mesh in group.scene_meshes:
-            if mesh.medium is None and refracts(mesh, materials.materials) and is_closed(mesh):
+            if (
+                mesh.medium is None
+                and refracts(mesh, materials.materials)
+                and is_closed(settled(mesh))
+            ):
                 clear = materials.add_medium(Medium(name=CLEAR)) if clear is None else clear
                 mesh.medium = clear
 
@@ -71,30 +75,6 @@ def glows(medium: Medium) -> bool:
     """Whether a medium gives off light."""
     grid = medium.grid
     return any(medium.emission) or (grid is not None and grid.emission is not None)
-
-
-def is_closed(mesh: Mesh) -> bool:
-    """Whether an even number of triangles, two as a rule, meet at every edge.
-
-    Points count by where they are: exporters split vertices.
-    """
-    points = mesh.points.astype(np.float64)
-    if _all_edges_are_shared(mesh, points):
-        return True
-    size = np.ptp(points, axis=0).max() * SAME_POINT
-    if not size > 0:
-        return False
-    # Points on either side of a cell's border are apart: other borders may tell.
-    return any(_all_edges_are_shared(mesh, np.round(points / size + s)) for s in (0.0, 0.25, 0.5))
-
-
-def _all_edges_are_shared(mesh: Mesh, points: np.ndarray) -> bool:
-    unique, vertex = np.unique(points + 0.0, axis=0, return_inverse=True)  # -0 is 0
-    triangles = vertex.ravel()[mesh.triangles]
-    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges = edges[edges[:, 0] != edges[:, 1]]
-    _, counts = np.unique(edges @ (len(unique), 1), return_counts=True)
-    return bool(len(counts)) and not (counts % 2).any()
 
 
 def _medium(mesh: Mesh, materials: Materials) -> int | None:
