@@ -277,6 +277,33 @@ def test_priorities_are_read_and_whole(read):
         read(body.replace("int usdmlt:mediumPriority = 7", "float usdmlt:mediumPriority = 0.5"))
 
 
+@pytest.mark.parametrize(
+    ("offset", "radius", "priority", "named"),
+    [
+        (1.0, 1.0, 0, True),  # half in, half out
+        (1.0, 1.0, 1, False),
+        (0.0, 0.5, 0, False),  # one holds the other
+        (0.0, 0.99, 0, False),
+        (1.8, 0.9, 0, False),  # the boxes overlap, the balls do not
+    ],
+)
+def test_media_that_overlap_in_part_without_priority_are_named(
+    examine, offset, radius, priority, named
+):
+    balls = f"""
+    def Sphere "a" (prepend apiSchemas = ["MaterialBindingAPI"]) {{ rel material:binding = </M> }}
+    def Sphere "b" (prepend apiSchemas = ["MaterialBindingAPI"]) {{
+        rel material:binding = </N>
+        int usdmlt:mediumPriority = {priority}
+        double radius = {radius}
+        double3 xformOp:translate = ({offset}, {offset * 0.7}, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }}"""
+    media = volume_material(FOG) + volume_material(FOG, name="N").replace("/M/", "/N/")
+    paths = [w.paths for w in examine(media + balls).warnings if "overlap" in w.kind]
+    assert paths == ([["/a and /b"]] if named else [])
+
+
 def test_subsets_count_by_their_triangles(read):
     """A cube of two materials: five faces hold one medium, the sixth another."""
     one = volume_material(anisotropic("vdf", "(1, 1, 1)"))

@@ -27,7 +27,8 @@ def fill(group: Group, materials: Materials, report: Report) -> None:
     A mesh of several materials has the medium of the most triangles. One that is not closed has
     none: a warning names it.
     """
-    prims = {str(placed.prim.GetPath()): placed.prim for placed in group.gprims}
+    if not materials.interiors:
+        return
     surfaces = []
     for mesh in group.scene_meshes:
         index = _medium(mesh, materials)
@@ -35,7 +36,6 @@ def fill(group: Group, materials: Materials, report: Report) -> None:
             report.warn("meshes that are not closed hold no medium", mesh.name)
             index = None
         mesh.medium = index
-        mesh.medium_priority = priority(prims[mesh.name])
         if not set(np.unique(mesh.materials).tolist()) <= materials.without_surface:
             surfaces.append(mesh)
         elif index is not None:
@@ -44,17 +44,28 @@ def fill(group: Group, materials: Materials, report: Report) -> None:
 
 
 def fill_glass(groups: list[Group], materials: Materials) -> None:
-    """Fill what refracts, and holds nothing else, with a clear medium."""
+    """Fill what refracts, and holds nothing else, with a clear medium, where anything else is not
+    clear."""
     clear: int | None = None
+    if not any(map(interacts, materials.media)):
+        return
     for group in groups:
         for mesh in group.scene_meshes:
-            if (
-                mesh.medium is None
-                and refracts(mesh, materials.materials)
-                and is_closed(settled(mesh))
-            ):
+            if mesh.medium is not None or not refracts(mesh, materials.materials):
+                continue
+            if is_closed(settled(mesh)):
                 clear = materials.add_medium(Medium(name=CLEAR)) if clear is None else clear
                 mesh.medium = clear
+
+
+def set_priorities(groups: list[Group]) -> None:
+    """Which of overlapping bodies count, as their prims say."""
+    for group in groups:
+        bodies = [m for m in (*group.scene_meshes, *group.scene_volumes) if m.medium is not None]
+        prims = {str(p.prim.GetPath()): p.prim for p in group.gprims} if bodies else {}
+        for mesh in bodies:
+            if mesh.name in prims:
+                mesh.medium_priority = priority(prims[mesh.name])
 
 
 def priority(prim: Usd.Prim) -> int:

@@ -15,7 +15,7 @@ from usdmlt.errors import Report, UsageError
 from usdmlt.making import kept_options
 from usdmlt.options import LoadOptions
 from usdmlt.scene import Camera, Scene
-from usdmlt.stage.bodies import fill, fill_glass, glows, interacts
+from usdmlt.stage.bodies import fill, fill_glass, glows, set_priorities
 from usdmlt.stage.cameras import all_cameras, conformed, find_camera, read_camera, resolve_size
 from usdmlt.stage.color import DEFAULT, ColorSpaces
 from usdmlt.stage.data_window import data_window, windowed
@@ -32,6 +32,7 @@ from usdmlt.stage.motion import Shutter, read_shutter
 from usdmlt.stage.mtlx_files import with_mtlx_files
 from usdmlt.stage.networks import Networks
 from usdmlt.stage.opening import open_stage, time_code, usd_diagnostics
+from usdmlt.stage.overlaps import note_overlaps
 from usdmlt.stage.reading_progress import ReadingProgress, Tally
 from usdmlt.stage.render_passes import PassVisibility
 from usdmlt.stage.render_settings import Product, RenderSettings, read_render_settings
@@ -215,18 +216,19 @@ def _read_content(
     tally = Tally(sum(len(group.gprims) for group in groups), progress)
     for group in groups:
         group.scene_meshes = geometry.read(group, tally)
+        fill(group, materials, report)
         if (options.double_sided or settings.loading.get("double_sided")) == "auto":
             apply_sides(group, materials.materials)
         mesh_lights.apply(group)
-        fill(group, materials, report)
         group.scene_volumes += volumes.read(group)
         group.scene_lights = [lights.read(p.prim, p.kind, p.matrix) for p in group.lights]
         links.apply(group)
 
     world_medium = read_world_medium(stage, settings, materials, report)
-    if any(map(interacts, materials.media)):
-        fill_glass(groups, materials)
+    fill_glass(groups, materials)
+    set_priorities(groups)
     flat = flatten(groups, materials, report)
+    note_overlaps([m for m in flat.meshes if m.medium is not None] + flat.volumes, report)
     placed_lights = flat.lights
     glowing = any(map(emits, materials.materials)) or any(map(glows, materials.media))
     lit = placed_lights or glowing
