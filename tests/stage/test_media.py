@@ -199,11 +199,14 @@ def test_scattering_is_taken_from_the_extinction_and_what_lacks_is_grey(interior
         "WEIGHT = 1",  # a tint at the surface
         "float inputs:transmission_depth = 2",  # nothing is transmitted
         "WEIGHT = 1\nfloat inputs:transmission_depth = 2\nbool inputs:THIN = 1",
+        "WEIGHT = 1\nfloat inputs:transmission_depth = 2\nfloat inputs:METAL = 1",
     ],
 )
 def test_without_depth_weight_or_inside_there_is_no_medium(interior, model, inputs):
     thin = "geometry_thin_walled" if "pbr" in model else "thin_walled"
+    metal = "base_metalness" if "pbr" in model else "metalness"
     inputs = inputs.replace("WEIGHT", f"float inputs:{MODELS[model]}").replace("THIN", thin)
+    inputs = inputs.replace("METAL", metal)
     assert interior(model, inputs) is None
 
 

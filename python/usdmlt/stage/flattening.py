@@ -42,7 +42,7 @@ def flatten(groups: list[Group], materials: Materials, report: Report) -> Flat:
         for light, placed in zip(group.scene_lights, group.lights, strict=True):
             flat.lights += place_light(light, placed, group.placements, report)
         for mesh in group.scene_volumes:
-            flat.volumes += place_volume(mesh, transforms, motion, materials.media)
+            flat.volumes += place_volume(mesh, transforms, motion, materials.media, report)
         for meshes, chosen in _by_values(group, materials, report):
             moving = None if motion is None else motion[:, chosen]
             _add(flat, group.name, meshes, transforms[chosen], moving, report)

@@ -15,7 +15,9 @@ from usdmlt.stage.networks import Networks
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 
 
-def _of_transmission(weight: str) -> Callable[[Networks, UsdShade.Shader], Medium | None]:
+def _of_transmission(
+    weight: str, metalness: str
+) -> Callable[[Networks, UsdShade.Shader], Medium | None]:
     """standard_surface and OpenPBR: the inputs transmission_color, _depth, _scatter and
     _scatter_anisotropy, where anything is transmitted at all."""
 
@@ -23,7 +25,8 @@ def _of_transmission(weight: str) -> Callable[[Networks, UsdShade.Shader], Mediu
         transmitted: Any = networks.read(shader, weight, 0.0, "float")
         coefficients = Coefficients(networks)
         depth = coefficients.number(shader, "transmission_depth", 0.0)
-        if transmitted == 0.0 or not depth > 0:
+        metal: Any = networks.read(shader, metalness, 0.0, "float")
+        if transmitted == 0.0 or metal == 1.0 or not depth > 0:
             return None
         scattering, absorption = of_depth(
             coefficients.color(shader, "transmission_color", WHITE),
@@ -38,7 +41,7 @@ def _of_transmission(weight: str) -> Callable[[Networks, UsdShade.Shader], Mediu
 
 INTERIORS: dict[str, Callable[[Networks, UsdShade.Shader], Medium | None]] = {
     "ND_surface": read_layered_volume,
-    "ND_standard_surface_surfaceshader": _of_transmission("transmission"),
-    "ND_standard_surface_surfaceshader_100": _of_transmission("transmission"),
-    "ND_open_pbr_surface_surfaceshader": _of_transmission("transmission_weight"),
+    "ND_standard_surface_surfaceshader": _of_transmission("transmission", "metalness"),
+    "ND_standard_surface_surfaceshader_100": _of_transmission("transmission", "metalness"),
+    "ND_open_pbr_surface_surfaceshader": _of_transmission("transmission_weight", "base_metalness"),
 }

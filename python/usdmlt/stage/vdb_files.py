@@ -33,18 +33,18 @@ def read_grid(data: bytes, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
     import tinyvdb
 
     try:
-        with tinyvdb.from_bytes(data) as file:
-            names = [str(file.grid_name(i)) for i in range(file.grid_count)]
-            if name not in names:
-                raise Unreadable(f"the file has no grid {name!r}, but {', '.join(names)}")
-            index = names.index(name)
-            kind = str(file.grid_type_name(index))
-            if kind.removesuffix("_HalfFloat") != TYPE:
-                raise Unreadable(f"the grid {name!r} is a {kind}, not of floats")
-            file.read_grids()
-            grid = file.grid(index)
-            voxels, transform, metadata = grid.to_sparse(), grid.transform, grid.metadata
-    except tinyvdb.VDBError as error:
+        file = tinyvdb.from_bytes(data)
+        names = [str(file.grid_name(i)) for i in range(file.grid_count)]
+        if name not in names:
+            raise Unreadable(f"the file has no grid {name!r}, but {', '.join(names)}")
+        index = names.index(name)
+        kind = str(file.grid_type_name(index))
+        if kind.removesuffix("_HalfFloat") != TYPE:
+            raise Unreadable(f"the grid {name!r} is a {kind}, not of floats")
+        file.read_grids()
+        grid = file.grid(index)
+        voxels, transform, metadata = grid.to_sparse(), grid.transform, grid.metadata
+    except (tinyvdb.VDBError, UnicodeDecodeError) as error:
         raise Unreadable(str(error)) from None
     at = np.frombuffer(voxels["coords"], np.int32).reshape(-1, 3)
     count = metadata.get("file_voxel_count")

@@ -31,6 +31,7 @@ EMISSION, SCALE = "usdmlt:emission", "usdmlt:temperatureScale"
 REFERENCE = 2000.0  # kelvin
 DARK = 500.0  # kelvin, below which nothing is seen
 HOTTEST = 1e6
+STILL = "volumes of fields stand still while the shutter is open"
 TEMPERATURES = 256  # of the table of colours
 
 _CORNERS = np.array([[(i >> axis) & 1 for axis in range(3)] for i in range(8)])
@@ -87,7 +88,7 @@ class VolumeReader:
         if singular(transform):
             raise Error(f"{path}: the transform is singular")
         if placed.motion is not None:
-            self.report.warn("volumes of fields stand still", path)
+            self.report.warn(STILL, path)
         grid = Grid(_floats(density.values), *box, transform)
         self._check(grid, source)
         self._heat(grid, density, prim, fields)
@@ -173,13 +174,21 @@ def blackbody_emission(kelvin: np.ndarray, space: str) -> np.ndarray:
     return np.where(hot[..., None], glow, 0.0)
 
 
-def place(mesh: Mesh, transforms: np.ndarray, motion: np.ndarray | None, media: list[Medium]):
-    """A body without a surface in each of the placements of its group: :class:`scene.Volume` s.
+def place(
+    mesh: Mesh,
+    transforms: np.ndarray,
+    motion: np.ndarray | None,
+    media: list[Medium],
+    report: Report,
+) -> list[Volume]:
+    """A body without a surface in each of the placements of its group.
 
     Grids are placed with their boxes, each a medium of its own; they stand still.
     """
     volumes = []
     medium = media[mesh.medium]
+    if motion is not None and medium.grid is not None:
+        report.warn(STILL, mesh.name)
     for index, transform in enumerate(transforms):
         own = None if motion is None or medium.grid is not None else motion[:, index]
         placed = settled(mesh, transform, own)
