@@ -68,13 +68,13 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
     Ray ray{camera_ray.origin, camera_ray.tnear, camera_ray.direction, camera_ray.tfar, time};
 
     Spectrum radiance_sum, throughput(1.0f);
-    double pdf = 0;         // of the ray's direction, by the BSDF
+    double pdf = 0;          // of the ray's direction, by the BSDF
     Spectrum through_media;  // of the ray: transmittance over the probability of its end
     bool seen = true;        // by the eye, directly or through Dirac components
     // Of the edge before `previous`: rays whose reach is no matter of chance have a second way to
     // stop in media.
     EquiangularRay equiangular;
-    float eta_squared = 1;   // of the medium the ray is in: what refraction took from the radiance
+    float eta_squared = 1;  // of the medium the ray is in: what refraction took from the radiance
     alpha = 0;
     const auto record = [&](const Spectrum& value, int edges) {
         if (!is_finite(value)) {
@@ -111,8 +111,8 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         Spectrum value = weight * through_media * emission(scene, *v, *previous, -ray.direction);
         if (is_black(value)) return true;
         if (k > 1 && previous->component == non_delta) {
-            const double p = area_density(pdf, *previous, *v, ray.direction) *
-                             v->edge.survival(Known::eye);
+            const double p =
+                area_density(pdf, *previous, *v, ray.direction) * v->edge.survival(Known::eye);
             const double direct = pdf_direct(scene.lights, v->light, previous->position);
             double others = squared_ratio(direct, p);
             if (previous->is_medium())
@@ -162,8 +162,8 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         v->to_previous = -ray.direction;
         sampler.seek(pair + light_pair);
         if (v->closure.has_non_delta && k + 1 >= settings.min_edges) {
-            const Spectrum value = direct_light(scene, sampler, *v, *previous, equiangular, x0,
-                                                statistics.rays);
+            const Spectrum value =
+                direct_light(scene, sampler, *v, *previous, equiangular, x0, statistics.rays);
             if (record(value, k + 1)) [[unlikely]] {
                 const Vec3f from_light = direction_to(x0, *v);
                 layers->classes.scatter_and_end(
@@ -189,15 +189,16 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
                     previous->component = c;
                     ray = {offset_origin(*previous, direction), 0, direction, infinite_distance,
                            time};
-                    follow(throughput * scattered, k + 1, [&](const Spectrum& value, bool in_medium) {
-                        const ScatteringEvent event =
-                            scattering_event(*previous, direction, previous->to_previous, c);
-                        if (in_medium)
-                            return layers->classes.scatter_and_end_in_medium(event, value,
-                                                                             layers->sample);
-                        layers->classes.scatter_and_end(event, *v, *previous, -direction, value,
-                                                        layers->sample);
-                    });
+                    follow(throughput * scattered, k + 1,
+                           [&](const Spectrum& value, bool in_medium) {
+                               const ScatteringEvent event =
+                                   scattering_event(*previous, direction, previous->to_previous, c);
+                               if (in_medium)
+                                   return layers->classes.scatter_and_end_in_medium(event, value,
+                                                                                    layers->sample);
+                               layers->classes.scatter_and_end(event, *v, *previous, -direction,
+                                                               value, layers->sample);
+                           });
                 }
             std::swap(v, previous);
             if (!v->closure.has_non_delta) break;

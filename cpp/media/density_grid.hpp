@@ -16,7 +16,7 @@
 namespace usdmlt {
 
 struct DensityGrid {
-    std::array<int, 3> size{};   // cells along x, y, z
+    std::array<int, 3> size{};    // cells along x, y, z
     std::vector<float> values;    // x fastest
     std::vector<float> emission;  // radiance per length, RGB, like `values`; empty: none
     Affine3f to_grid;             // from the scene; cell (i, j, k) has its centre at that point

@@ -7,8 +7,8 @@ namespace usdmlt {
 void Medium::finish() {
     extinction = scattering + absorption;
     scatters = max_component(scattering) > 0;
-    interacts = max_component(extinction) > 0 || max_component(emission) > 0 ||
-                !grid.emission.empty();
+    interacts =
+        max_component(extinction) > 0 || max_component(emission) > 0 || !grid.emission.empty();
     emits = max_component(emission) > 0 || !grid.emission.empty();
     grid.largest = grid.empty() ? 1 : *std::max_element(grid.values.begin(), grid.values.end());
 }

@@ -27,9 +27,9 @@ struct Medium {
     DensityGrid grid;  // empty: the same everywhere
 
     // Set by finish.
-    Spectrum extinction;      // σ_s + σ_a
-    bool scatters = false;    // else light only passes
-    bool interacts = false;   // else it is clear
+    Spectrum extinction;     // σ_s + σ_a
+    bool scatters = false;   // else light only passes
+    bool interacts = false;  // else it is clear
     bool emits = false;
 
     void finish();

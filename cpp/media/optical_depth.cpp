@@ -130,8 +130,7 @@ Collision sample_collision(const Media& media, const Ray& ray, RandomStream& ran
             [&](const DensityGrid::Ray& in_grid, float a, float b) {
                 const double depth = extinction * medium.grid.integral(in_grid, a, b);
                 if (left < depth) {
-                    out = {&medium,
-                           find_in_piece(medium.grid, in_grid, a, b, left / extinction)};
+                    out = {&medium, find_in_piece(medium.grid, in_grid, a, b, left / extinction)};
                     return false;
                 }
                 left -= depth;

@@ -15,7 +15,6 @@ namespace usdmlt {
 struct OpticalDepth {
     double all[3] = {0, 0, 0};      // of what attenuates,
     double sampled[3] = {0, 0, 0};  // and of where rays may stop
-
 };
 
 // e^−τ of both: grey media and those that scatter everywhere need one or three exponentials.
@@ -26,8 +25,8 @@ struct Attenuation {
         for (int c = 0; c < 3; ++c) {
             const bool again = c > 0 && depth.all[c] == depth.all[0];
             transmittance[c] = again ? transmittance[0] : std::exp(-depth.all[c]);
-            free[c] = depth.sampled[c] == depth.all[c] ? transmittance[c]
-                                                       : std::exp(-depth.sampled[c]);
+            free[c] =
+                depth.sampled[c] == depth.all[c] ? transmittance[c] : std::exp(-depth.sampled[c]);
         }
     }
     // That no collision is sampled on the way,

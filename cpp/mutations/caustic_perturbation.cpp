@@ -150,8 +150,7 @@ ScaledDouble CausticWalk<glossy>::density(MutationContext& context, const Path& 
         if (!range.contains(angle)) return 0;
         pdf *= range.pdf_direction(angle);
     }
-    return walk_density(context, x, y, walk,
-                        kept_step_density(context, x, y, walk.start, 1, pdf));
+    return walk_density(context, x, y, walk, kept_step_density(context, x, y, walk.start, 1, pdf));
 }
 
 template struct CausticWalk<false>;

@@ -88,8 +88,8 @@ bool LensSubpath::propose(MutationContext& context, const Path& x, Path& y, Chan
         if (!trace_vertex(scene, y[i + 1], ray, Known::eye, false, random, context.rays, v, edge))
             return false;
         y.at(i + 1).direction = -ray.direction;
-        context.recorded *= area_density(pdf, y[i + 1], v, ray.direction) *
-                            edge.survival(Known::eye);
+        context.recorded *=
+            area_density(pdf, y[i + 1], v, ray.direction) * edge.survival(Known::eye);
         if (always_stops(v.closure)) break;
         const Continuations next(v.closure, -ray.direction);
         double u = random.next_double();

@@ -72,9 +72,8 @@ bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const
                           context.rays, v, edge.edge, stop))
             return false;
         edge.direction = step > 0 ? ray.direction : -ray.direction;
-        context.recorded *=
-            area_density(pdf, y[i - step], v, ray.direction) * pdf_distance *
-            edge.edge.survival_of_surfaces(walk.role);
+        context.recorded *= area_density(pdf, y[i - step], v, ray.direction) * pdf_distance *
+                            edge.edge.survival_of_surfaces(walk.role);
         if (i == 0) return v.is_light;
         vertex.component = x.at(i).component;
         if (i == walk.end) return v.can_connect();

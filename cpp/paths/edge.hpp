@@ -24,7 +24,9 @@ struct Edge {
     float survival_of_media(Known role) const {
         return role == Known::eye ? media_from_eye : media_from_light;
     }
-    float survival(Known role) const { return survival_of_surfaces(role) * survival_of_media(role); }
+    float survival(Known role) const {
+        return survival_of_surfaces(role) * survival_of_media(role);
+    }
     Spectrum media_transmittance() const { return {media[0], media[1], media[2]}; }
     // What a traced ray brings along.
     Spectrum media_weight(Known role) const {

@@ -21,8 +21,8 @@ struct PathVertex {
     // Le·α at x0, We at xk, between them f_s·|cosθ_s/cosθ_g|·α; times the media's transmittance
     // before it.
     Spectrum scattering;
-    double from_light = 0;            // densities with which the vertex is made, see
-    double from_eye = 0;              // density_from_…_side
+    double from_light = 0;  // densities with which the vertex is made, see
+    double from_eye = 0;    // density_from_…_side
 };
 
 // x0 … xk.

@@ -293,9 +293,8 @@ bool medium_vertex(const Ray& ray, const Collision& collision, Vertex& v) {
     v.opacity = 1;
     v.time = ray.time;
     v.mesh = v.instance = invalid_index;
-    const float density = medium.grid.empty()
-                              ? 1
-                              : medium.grid.density(medium.grid.to_grid.point(v.position));
+    const float density =
+        medium.grid.empty() ? 1 : medium.grid.density(medium.grid.to_grid.point(v.position));
     v.collision = medium.extinction * density;
     Closure& closure = v.closure;
     closure.shading = Frame::from_normal(v.normal);

@@ -299,8 +299,8 @@ DensityGrid make_grid(const py::handle& source, Vec3d center) {
     cells.x = m.x * ((upper[0] - lower[0]) / grid.size[0]);
     cells.y = m.y * ((upper[1] - lower[1]) / grid.size[1]);
     cells.z = m.z * ((upper[2] - lower[2]) / grid.size[2]);
-    cells.origin = m.point({lower[0], lower[1], lower[2]}) +
-                   (cells.x + cells.y + cells.z) * 0.5 - center;
+    cells.origin =
+        m.point({lower[0], lower[1], lower[2]}) + (cells.x + cells.y + cells.z) * 0.5 - center;
     grid.to_grid = cells.inverse();
     return grid;
 }
@@ -342,8 +342,8 @@ void add_media(const py::object& source, const Affine3d& identity, Vec3d center,
                          const std::vector<Affine3d>& steps, uint32_t index, uint32_t instance) {
         if (mesh.attr("medium").is_none()) return;
         const auto number = static_cast<uint32_t>(media.bodies.size());
-        media.bodies.push_back({py::cast<uint32_t>(mesh.attr("medium")),
-                                py::cast<int>(mesh.attr("medium_priority"))});
+        media.bodies.push_back(
+            {py::cast<uint32_t>(mesh.attr("medium")), py::cast<int>(mesh.attr("medium_priority"))});
         media.nested = media.nested || media.bodies.back().priority != 0;
         if (index != invalid_index) {
             media.body_of_surface[Media::surface_key(index, instance)] = number;
@@ -489,10 +489,13 @@ py::dict closest_hits(const Scene& scene, const Doubles& origins, const Doubles&
         Hit hit;
         Vertex v;
         Edge edge;
-        const Ray ray{to_float(origin), 0, {float(d(i, 0)), float(d(i, 1)), float(d(i, 2))},
-                      infinite_distance, time};
-        const bool found = trace(scene, ray, Known::eye, random, counters, hit, v.opacity, edge) ==
-                           Met::surface;
+        const Ray ray{to_float(origin),
+                      0,
+                      {float(d(i, 0)), float(d(i, 1)), float(d(i, 2))},
+                      infinite_distance,
+                      time};
+        const bool found =
+            trace(scene, ray, Known::eye, random, counters, hit, v.opacity, edge) == Met::surface;
         const auto id = [&](uint32_t x) { return found && x != invalid_index ? int64_t(x) : -1; };
         if (found) surface_vertex(scene, hit, v);
         distance.mutable_at(i) = found ? hit.t : std::numeric_limits<float>::infinity();
@@ -527,7 +530,8 @@ void bind_scene(py::module_& module) {
              "with one line.")
         .def_property_readonly("width", [](const Scene& s) { return s.camera.width; })
         .def_property_readonly("height", [](const Scene& s) { return s.camera.height; })
-        .def_property_readonly("has_lights", [](const Scene& s) { return !s.lights.empty() || s.media.emit(); })
+        .def_property_readonly("has_lights",
+                               [](const Scene& s) { return !s.lights.empty() || s.media.emit(); })
         .def_property_readonly("dirac_lights", &dirac_lights,
                                "Indices of the lights of one exact direction.")
         .def_property_readonly("dirac_materials", &dirac_materials,

@@ -67,9 +67,8 @@ void Scene::commit(const std::shared_ptr<const embree::Library>& library, const 
         camera.moves() ||
         std::any_of(meshes.begin(), meshes.end(), [](const Mesh& m) { return m.moves(); }) ||
         !instance_steps.empty() || !lights.motions.empty();
-    acceleration =
-        std::make_unique<Acceleration>(library, isa, meshes, world_meshes, prototypes,
-                                       instances, instance_steps, light_shapes(lights));
+    acceleration = std::make_unique<Acceleration>(library, isa, meshes, world_meshes, prototypes,
+                                                  instances, instance_steps, light_shapes(lights));
     media.commit(library, isa);
     // The sphere that bounds everything: infinite lights shine from a disk of its size. The camera
     // is inside, so that fog or a lens in empty space is lit alike.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from usdmlt import cpu, embree
 from usdmlt.errors import Error
+from usdmlt.media import check_media
 
 if TYPE_CHECKING:
     from usdmlt import _core
@@ -38,6 +39,7 @@ def build_scene(scene: Scene, embree_isa: str) -> _core.Scene:
     """Hand a scene description to the core and build its acceleration structures."""
     library = str(embree.find_library())
     try:
+        check_media(scene)
         built: _core.Scene = core().Scene(scene, library, embree_isa)
     except (RuntimeError, ValueError) as error:
         raise Error(str(error)) from error

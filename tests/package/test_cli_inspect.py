@@ -30,7 +30,7 @@ def test_prims_are_a_table_of_what_becomes_of_them(usdmlt_command: Run, tmp_path
 def Xform "a" {
     def Cube "c" {}
     def Cube "d" {}
-    def Volume "v" {}
+    def FluffyCloud "v" {}
     def Camera "main_cam" {}
     def "untyped" {}
 }
@@ -47,7 +47,7 @@ def RenderProduct "p" {}
     table = {tuple(line.removeprefix("prims").split()) for line in done.stdout.splitlines()}
     for row in (
         ("Cube", "2", "geometry"),
-        ("Volume", "1", "not", "rendered"),
+        ("FluffyCloud", "1", "not", "rendered"),
         ("Camera", "1", "camera"),
         ("Xform", "1", "grouping"),
         ("(no", "type)", "1", "grouping"),
@@ -56,7 +56,7 @@ def RenderProduct "p" {}
         assert row in table, done.stdout
     assert "settings   /s, depth 5\n           product /p: p.exr\n" in done.stdout
     assert "picture    8x8 from (8, 0) of 16x8" in done.stdout
-    assert "warning    Volume prims are not rendered\n           /a/v\n" in done.stdout
+    assert "warning    FluffyCloud prims are not rendered\n           /a/v\n" in done.stdout
 
 
 def test_json_has_all_of_it(usdmlt_command: Run, stage: Path) -> None:

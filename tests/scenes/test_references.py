@@ -26,6 +26,7 @@ CHECKS = {
     "cornell_box": ("path", "mlt"),
     "door_ajar": ("path", "mlt"),
     "gallery": ("path", "mlt"),
+    "keyhole": ("mlt",),
     "pool": ("mlt",),
     "small_aperture": ("path",),
     "snow_globe": ("mlt",),

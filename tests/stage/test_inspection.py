@@ -14,7 +14,7 @@ def Xform "b" (instanceable = true
     references = </P>
 ) {}
 def Mesh "m" { QUAD }
-def Volume "p" {}
+def FluffyCloud "p" {}
 def RectLight "l" {}
 """
 
@@ -29,7 +29,7 @@ def test_what_is_counted(examine):
     assert found.lights == [("RectLight", "/l")]
     assert found.materials == ["displayColor"]
     assert found.purposes == ["default", "render"]
-    assert [str(w) for w in found.warnings] == ["Volume prims are not rendered: /p"]
+    assert [str(w) for w in found.warnings] == ["FluffyCloud prims are not rendered: /p"]
 
 
 def test_it_logs_nothing(write, caplog):

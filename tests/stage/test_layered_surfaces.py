@@ -301,11 +301,6 @@ def test_opacity_is_a_coverage(surface):
 @pytest.mark.parametrize(
     ("model", "inputs", "says"),
     [
-        (
-            "standard_surface",
-            {"transmission": 1.0, "transmission_depth": 2.0},
-            "transmission_depth",
-        ),
         ("standard_surface", {"transmission": 1.0, "transmission_dispersion": 9.0}, "dispersion"),
         ("standard_surface", {"thin_film_thickness": 500.0}, "thin films"),
         ("open_pbr_surface", {"thin_film_weight": 1.0}, "thin films"),

@@ -270,14 +270,14 @@ def test_not_finite_inputs_are_an_error_with_their_path(material):
         material("float inputs:roughness = nan")
 
 
-def test_volume_materials_are_warned_of(examine):
+def test_volumes_that_are_not_known_are_warned_of(examine):
     body = MATERIAL.replace("INPUTS", "").replace("NODES", "")
     volume = body.replace(
         "token outputs:surface.connect",
         "token outputs:volume.connect = </M/s.outputs:surface>\ntoken outputs:surface.connect",
     )
     found = examine(volume)
-    assert any("volume materials" in w.kind and w.paths == ["/M"] for w in found.warnings)
+    assert any("volume shaders" in w.kind and w.paths == ["/M/s"] for w in found.warnings)
 
 
 def test_the_full_purpose_is_preferred_to_the_general_binding(read):

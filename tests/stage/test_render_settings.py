@@ -8,7 +8,7 @@ from pxr import Usd
 from usdmlt.errors import Error
 from usdmlt.settings import MUTATIONS, Settings, merged
 from usdmlt.stage import products
-from usdmlt.stage.usdmlt_settings import FIELDS, LOAD_FIELDS
+from usdmlt.stage.usdmlt_settings import FIELDS, LOAD_FIELDS, WORLD_MEDIUM
 
 CAMERAS = """
 def Camera "wide" {
@@ -259,7 +259,8 @@ assert not prim.GetAttribute("usdmlt:depth").HasAuthoredValue()
     assert done.returncode == 0, done.stderr
     names, defaults = done.stdout.splitlines()
     weights = {f"usdmlt:mutationWeights:{name}" for name in MUTATIONS}
-    assert set(names.split()) == {f"usdmlt:{n}" for n in (*FIELDS, *LOAD_FIELDS)} | weights
+    expected = {f"usdmlt:{n}" for n in (*FIELDS, *LOAD_FIELDS)} | weights | {WORLD_MEDIUM}
+    assert set(names.split()) == expected
     assert defaults == f"{Settings().depth} {Settings().integrator}"
 
 

@@ -159,7 +159,7 @@ def test_meshes_below_meshes_are_found(read):
     assert names(read('def Cube "outer" { def Cube "inner" {} }')) == ["/outer", "/outer/inner"]
 
 
-@pytest.mark.parametrize("kind", ["Volume", "ParticleField3DGaussianSplat"])
+@pytest.mark.parametrize("kind", ["FluffyCloud", "ParticleField3DGaussianSplat"])
 def test_unsupported_shapes_are_named_once_and_the_rest_is_read(examine, kind):
     found = examine(f'def {kind} "a" {{}}\ndef {kind} "b" {{}}\ndef Cube "c" {{}}')
     assert found.meshes == 1
@@ -168,10 +168,10 @@ def test_unsupported_shapes_are_named_once_and_the_rest_is_read(examine, kind):
 
 def test_unsupported_shapes_that_are_not_shown_are_not_mentioned(examine):
     found = examine("""
-        def Volume "a" { token visibility = "invisible" }
-        def Volume "b" { uniform token purpose = "guide" }
+        def PortalLight "a" { token visibility = "invisible" }
+        def PortalLight "b" { uniform token purpose = "guide" }
         def Cube "c" {}""")
-    assert not any("Volume" in w.kind for w in found.warnings)
+    assert not any("PortalLight" in w.kind for w in found.warnings)
 
 
 def test_a_type_no_schema_knows_is_named(examine):

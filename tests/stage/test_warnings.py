@@ -9,18 +9,18 @@ import pytest
 from usdmlt.errors import Error, Report, Warning
 from usdmlt.stage import load
 
-FIVE = "\n".join(f'def Volume "p{i}" {{}}' for i in range(5)) + '\ndef Cube "c" {}\n'
+FIVE = "\n".join(f'def FluffyCloud "p{i}" {{}}' for i in range(5)) + '\ndef Cube "c" {}\n'
 
 
 def test_a_kind_is_logged_once_with_the_first_prims_and_the_count(write, caplog):
     with caplog.at_level(logging.WARNING, logger="usdmlt"):
         load(write(FIVE))
-    messages = [r.getMessage() for r in caplog.records if "Volume" in r.getMessage()]
-    assert messages == ["Volume prims are not rendered: /p0, /p1, /p2 and 2 more"]
+    messages = [r.getMessage() for r in caplog.records if "FluffyCloud" in r.getMessage()]
+    assert messages == ["FluffyCloud prims are not rendered: /p0, /p1, /p2 and 2 more"]
 
 
 def test_the_first_of_a_kind_is_an_error_when_strict(write):
-    with pytest.raises(Error, match="/p0: Volume prims are not rendered"):
+    with pytest.raises(Error, match="/p0: FluffyCloud prims are not rendered"):
         load(write(FIVE), strict=True)
 
 

@@ -19,6 +19,12 @@ EASED: dict[str, dict[str, float | bool]] = {
     "caustics": {"/World/Lights/Lamp.inputs:radius": 5.0},
     "door_ajar": {},
     "gallery": {},
+    "keyhole": {  # a large lamp that can be aimed at, and no door
+        "/World/Bulb": False,
+        "/World/Door": False,
+        "/World/Lights/Lamp.inputs:radius": 0.4,
+        "/World/Lights/Lamp.inputs:intensity": 1.0,
+    },
     "pool": {"/World/Lights/Sun.inputs:angle": 20.0},
     "small_aperture": {"/World/Shutter/Left": False},  # a slit instead of a hole
     "snow_globe": {"/World/Lights/Lamp.inputs:radius": 6.0},

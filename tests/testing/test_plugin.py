@@ -64,8 +64,8 @@ def test_a_missing_reference_fails_with_the_command_that_makes_it(
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(
         [
-            "there is no reference references/box.exr; make it, and look at it:",
-            "  pytest test_picture.py::test_box --usdmlt-update",
+            "there is no reference references/box.exr",
+            "  make it, and look at it: pytest test_picture.py::test_box --usdmlt-update",
         ]
     )
     assert not (project.path / "references").exists()
@@ -178,6 +178,32 @@ def test_a_size_that_changed_is_one_line(referenced: pytest.Pytester) -> None:
     result = run(referenced)
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*references/box.exr: the pictures differ in size: 32x* and 40x*"])
+
+
+def test_checks_without_a_comparison_are_on_the_page(referenced: pytest.Pytester) -> None:
+    """A size that changed with both pictures, a reference that is missing or broken."""
+    (referenced.path / "references" / "broken.exr").write_bytes(b"no picture")
+    write(
+        referenced,
+        """
+import pytest
+
+@pytest.mark.parametrize("name", ["box", "none", "broken"])
+def test_it(name, assert_render):
+    assert_render(stage(), name, width=40, samples=4)
+""",
+    )
+    run(referenced, "--usdmlt-report", "out").assert_outcomes(failed=3)
+    page = (referenced.path / "out" / "index.html").read_text()
+    sections = page.split("<section")[1:]
+    assert len(sections) == 3
+    by_name = {
+        name: x for x in sections for name in ("box", "none", "broken") if f": {name} <" in x
+    }
+    assert "differ in size: 32x" in by_name["box"] and by_name["box"].count("<img") == 2
+    assert "there is no reference references/none.exr" in by_name["none"]
+    assert "cannot read" in by_name["broken"] and "<img" not in by_name["broken"]
+    assert all("--usdmlt-update" in x and "not compared" in x for x in sections)
 
 
 @pytest.mark.parametrize(

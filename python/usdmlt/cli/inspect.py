@@ -81,6 +81,12 @@ def lines(content: Inspection, everything: bool = False) -> Iterator[str]:
         )
     limit = None if everything else NAMES_SHOWN
     yield from _listed("materials", content.materials, limit)
+    if content.media:
+        yield from _listed("media", content.media, limit)
+        if content.world_medium is not None:
+            yield f"           {content.world_medium} fills the world"
+    if content.volumes:
+        yield from _listed("volumes", content.volumes, limit)
     families = Counter(family for family, _ in content.lights)
     summary = ", ".join(f"{count} {family}" for family, count in families.items())
     yield f"lights     {summary or 'none'}"

@@ -21,6 +21,7 @@ from usdmlt.color.spaces import (
 from usdmlt.color.spectra import (
     Metal,
     blackbody,
+    blackbody_radiance,
     emission,
     illuminant,
     metal,
@@ -36,6 +37,7 @@ __all__ = [
     "Metal",
     "RenderingSpace",
     "blackbody",
+    "blackbody_radiance",
     "conversion",
     "emission",
     "illuminant",

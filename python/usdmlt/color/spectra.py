@@ -81,10 +81,19 @@ def blackbody(kelvin: float, space: str = DEFAULT) -> RGB:
 
     UsdLux's colour temperature is an approximation of this, and is rendered as UsdLux has it.
     """
+    return emission(WAVELENGTHS, _planck(kelvin), space)
+
+
+def blackbody_radiance(kelvin: float, space: str = DEFAULT) -> RGB:
+    """(3,) the radiance of a blackbody in nit, by Planck's law; its colour is :func:`blackbody`."""
+    return emission(WAVELENGTHS, 1e-9 * _planck(kelvin), space, normalized=False)
+
+
+def _planck(kelvin: float) -> npt.NDArray[np.float64]:
+    """W / (m² sr m) by nanometre."""
     if not 100 <= kelvin <= 1e6:
         raise UsageError(f"the temperature must be from 100 to 1e6 kelvin, not {kelvin}")
-    radiance = colour_science().colorimetry.planck_law(WAVELENGTHS * 1e-9, kelvin)
-    return emission(WAVELENGTHS, radiance, space)
+    return np.asarray(colour_science().colorimetry.planck_law(WAVELENGTHS * 1e-9, kelvin))
 
 
 def metal(

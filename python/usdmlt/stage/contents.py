@@ -13,6 +13,7 @@ UNSUPPORTED = "not rendered"
 FATES = {
     "mesh": "geometry",
     "gprim": "geometry",
+    "volume": "volume",
     "light": "light",
     "instancer": "instances",
     "skeleton root": "skinned geometry",

@@ -11,11 +11,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from usdmlt.errors import Error, Report
-from usdmlt.scene import Instances, Light, Mesh, Primvar, Prototype
+from usdmlt.scene import Instances, Light, Mesh, Primvar, Prototype, Volume
 from usdmlt.stage.light_motion import place_light
 from usdmlt.stage.materials import Materials
 from usdmlt.stage.motion import composed, moving_instances, settled
 from usdmlt.stage.traversal import Group, Placements
+from usdmlt.stage.volumes import place as place_volume
 
 # Copies of a prototype for different values: at most so many triangles in all, within these limits.
 COPIED_TRIANGLES = 1 << 22
@@ -30,6 +31,7 @@ class Flat:
     prototypes: list[Prototype] = field(default_factory=list)
     instances: list[Instances] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
+    volumes: list[Volume] = field(default_factory=list)
 
 
 def flatten(groups: list[Group], materials: Materials, report: Report) -> Flat:
@@ -39,6 +41,8 @@ def flatten(groups: list[Group], materials: Materials, report: Report) -> Flat:
         transforms, motion = group.placements.transforms, group.placements.motion
         for light, placed in zip(group.scene_lights, group.lights, strict=True):
             flat.lights += place_light(light, placed, group.placements, report)
+        for mesh in group.scene_volumes:
+            flat.volumes += place_volume(mesh, transforms, motion, materials.media)
         for meshes, chosen in _by_values(group, materials, report):
             moving = None if motion is None else motion[:, chosen]
             _add(flat, group.name, meshes, transforms[chosen], moving, report)

@@ -52,6 +52,9 @@ class Inspection:
     prototypes: int
     instances: int
     materials: list[str]
+    media: list[str]
+    volumes: list[str]  # bodies without a surface
+    world_medium: str | None
     lights: list[tuple[str, str]]  # (family, name)
     textures: list[tuple[str, int, int]]  # (file, width, height)
     texture_bytes: int
@@ -76,7 +79,7 @@ def summarize(reading: Reading, report: Report) -> Inspection:
     placed = sum(len(i.transforms) * per_prototype[i.prototype] for i in scene.instances)
     files = {t.name: (t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures}
     arrays = {id(t.pixels): t.pixels.nbytes for t in scene.textures}
-    metadata = scene.metadata
+    metadata, world = scene.metadata, scene.world_medium
     return Inspection(
         stage=str(metadata["stage"]),
         frame=metadata["frame"],
@@ -103,6 +106,9 @@ def summarize(reading: Reading, report: Report) -> Inspection:
         prototypes=len(scene.prototypes),
         instances=sum(len(i.transforms) for i in scene.instances),
         materials=[material.name for material in scene.materials],
+        media=[medium.name for medium in scene.media],
+        volumes=[volume.name for volume in scene.volumes],
+        world_medium=None if world is None else scene.media[world].name,
         lights=[(type(light).__name__, light.name) for light in scene.lights],
         textures=[(name, *size) for name, size in files.items()],
         texture_bytes=sum(arrays.values()),

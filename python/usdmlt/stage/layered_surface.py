@@ -3,8 +3,8 @@
 Both are read as trees of the closures that MaterialX's own graphs build of them (libraries/bxdf);
 parts whose weight is the constant 0 are left out. Approximations, each with one warning where it
 matters: subsurface scattering is diffuse reflection of its colour (what it converges to for a short
-mean free path), absorption with depth is a tint at the surface, and dispersion, thin films,
-scattering inside and normals of the coat alone are left out.
+mean free path), and dispersion, thin films and normals of the coat alone are left out. What fills
+them is read by ``interiors``.
 """
 
 from __future__ import annotations
@@ -97,6 +97,14 @@ def tinted(closure: Closure, factor: Input) -> Closure:
     if is_constant(factor) and plain(factor) in (1.0, WHITE):
         return closure
     return Multiply(closure, factor)
+
+
+def tint(inputs: Inputs) -> Input:
+    """The colour of what is transmitted, at the surface: none where it is that of a depth, which is
+    reached inside."""
+    depth = inputs["transmission_depth"]
+    inside = is_constant(depth) and plain(depth) > 0
+    return WHITE if inside else inputs["transmission_color"]
 
 
 def clear(

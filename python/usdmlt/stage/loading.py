@@ -15,6 +15,7 @@ from usdmlt.errors import Report, UsageError
 from usdmlt.making import kept_options
 from usdmlt.options import LoadOptions
 from usdmlt.scene import Camera, Scene
+from usdmlt.stage.bodies import fill, fill_glass, glows, set_priorities
 from usdmlt.stage.cameras import all_cameras, conformed, find_camera, read_camera, resolve_size
 from usdmlt.stage.color import DEFAULT, ColorSpaces
 from usdmlt.stage.data_window import data_window, windowed
@@ -31,6 +32,7 @@ from usdmlt.stage.motion import Shutter, read_shutter
 from usdmlt.stage.mtlx_files import with_mtlx_files
 from usdmlt.stage.networks import Networks
 from usdmlt.stage.opening import open_stage, time_code, usd_diagnostics
+from usdmlt.stage.overlaps import note_overlaps
 from usdmlt.stage.reading_progress import ReadingProgress, Tally
 from usdmlt.stage.render_passes import PassVisibility
 from usdmlt.stage.render_settings import Product, RenderSettings, read_render_settings
@@ -40,6 +42,8 @@ from usdmlt.stage.texture_memory import limit_textures
 from usdmlt.stage.textures import Textures
 from usdmlt.stage.traversal import Traversal
 from usdmlt.stage.value_types import mistyped_values_named
+from usdmlt.stage.volumes import VolumeReader
+from usdmlt.stage.world_medium import read_world_medium, warn_of_lost_light
 
 PURPOSES = ("default", "render")
 UNIT_BOX = (np.full(3, -0.5), np.full(3, 0.5))  # framed where there is nothing
@@ -208,23 +212,33 @@ def _read_content(
     mesh_lights = MeshLights(
         materials.materials, settings.material_purpose, lights.mesh_radiance, report
     )
+    volumes = VolumeReader(time, colors, materials, settings.material_purpose, report)
     tally = Tally(sum(len(group.gprims) for group in groups), progress)
     for group in groups:
         group.scene_meshes = geometry.read(group, tally)
+        fill(group, materials, report)
         if (options.double_sided or settings.loading.get("double_sided")) == "auto":
             apply_sides(group, materials.materials)
         mesh_lights.apply(group)
+        group.scene_volumes += volumes.read(group)
         group.scene_lights = [lights.read(p.prim, p.kind, p.matrix) for p in group.lights]
         links.apply(group)
 
+    world_medium = read_world_medium(stage, settings, materials, report)
+    fill_glass(groups, materials)
+    set_priorities(groups)
     flat = flatten(groups, materials, report)
+    note_overlaps([m for m in flat.meshes if m.medium is not None] + flat.volumes, report)
     placed_lights = flat.lights
-    lit = placed_lights or any(emits(material) for material in materials.materials)
+    glowing = any(map(emits, materials.materials)) or any(map(glows, materials.media))
+    lit = placed_lights or glowing
     if not lit and options.default_light:
         report.note("the stage has no lights: a white dome lights it")
         placed_lights.append(default_dome())
     elif not lit:
         report.note("the stage has no lights: the picture is black")
+    if world_medium is not None:
+        warn_of_lost_light(materials.media[world_medium], placed_lights, report)
     return Scene(
         background=bool(lit)
         and options.domes_visible,  # white objects before a white dome could not be seen
@@ -234,6 +248,9 @@ def _read_content(
         materials=materials.materials,
         textures=textures.textures,
         lights=placed_lights,
+        media=materials.media,
+        volumes=flat.volumes,
+        world_medium=world_medium,
         color_space=colors.rendering,
     )
 

@@ -1,8 +1,9 @@
-"""Materials: which render context is read, the surfaces that are known, and the fallback."""
+"""Materials: which render context is read, the surfaces that are known, what they are filled with,
+and the fallback."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import fields, is_dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from usdmlt.scene import (
     Diffuse,
     Layer,
     Material,
+    Medium,
     Mesh,
     Mix,
     Multiply,
@@ -24,7 +26,9 @@ from usdmlt.scene import (
     TextureInput,
     UniformEmission,
 )
+from usdmlt.stage.interiors import INTERIORS
 from usdmlt.stage.materialx import read_surface, read_unlit
+from usdmlt.stage.materialx_volumes import read_volume
 from usdmlt.stage.networks import (
     Networks,
     Unusable,
@@ -47,31 +51,39 @@ SURFACES: dict[str, Callable[[Networks, UsdShade.Shader], Material]] = {
     "ND_standard_surface_surfaceshader_100": read_standard_surface,
     "ND_open_pbr_surface_surfaceshader": read_open_pbr_surface,
 }
+VOLUMES = ("ND_volume",)
 CONTEXTS = ("mtlx", "")
 GREY = (0.18, 0.18, 0.18)
 MAX_LOBES = 8  # of the core
 
 
 class Materials:
-    """The materials of a scene, each read once."""
+    """The materials of a scene, each read once.
+
+    ``media``: those of the scene; ``interiors``: by the index of a material, the one that meshes of
+    it are filled with; ``without_surface``: the materials that are nothing else.
+    """
 
     def __init__(self, networks: Networks, report: Report):
         self.networks = networks
         self.report = report
         self.materials: list[Material] = []
+        self.media: list[Medium] = []
+        self.interiors: dict[int, int] = {}
+        self.without_surface: set[int] = set()
         self._indices: dict[Usd.Prim, int | None] = {}
+        self._volumes: dict[Usd.Prim, int | None] = {}
         self._fallbacks: dict[bool, int] = {}
         self._primvars: dict[int, list[str]] = {}
 
     def index(self, material: UsdShade.Material) -> int | None:
-        """The index of a material; None, with a warning, if it has no surface to render."""
+        """The index of a material; None, with a warning, if there is nothing of it to render."""
         prim = material.GetPrim()
         if prim not in self._indices:
             # Materials inside of instances are the same for all of their prototype.
             shared = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
             if shared not in self._indices:
-                read = self._read(material)
-                self._indices[shared] = None if read is None else self._append(read)
+                self._indices[shared] = self._added(material)
             self._indices[prim] = self._indices[shared]
         return self._indices[prim]
 
@@ -103,15 +115,60 @@ class Materials:
         """The index of a material that no prim has."""
         return self._append(material)
 
+    def add_medium(self, medium: Medium) -> int:
+        """The index of a medium."""
+        self.media.append(medium)
+        return len(self.media) - 1
+
+    def volume_index(self, material: UsdShade.Material) -> int | None:
+        """The index of the medium of a material's volume output, which is read once."""
+        prim = material.GetPrim()
+        shared = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        if shared not in self._volumes:
+            medium = self.volume(material)
+            self._volumes[shared] = None if medium is None else self.add_medium(medium)
+        return self._volumes[shared]
+
+    def volume(self, material: UsdShade.Material, density: str = "") -> Medium | None:
+        """The medium of a material's volume output; None, with a warning if it cannot be rendered,
+        where there is none. ``density``: the primvar that counts as 1."""
+        outputs = [material.GetVolumeOutput(context) for context in CONTEXTS]
+        outputs = [o for o in outputs if o and o.GetAttr().HasAuthoredConnections()]
+        if not outputs:
+            return None
+        self.networks.refuse_unknown = False
+        try:
+            shader = self._shader(outputs[0], VOLUMES, "volume")
+            medium = read_volume(self.networks, shader, density)
+        except Unusable as reason:
+            self.report.warn(reason.reason, reason.path)
+            return None
+        medium.name = str(material.GetPath())
+        return medium
+
     def _append(self, material: Material) -> int:
         self.materials.append(material)
         return len(self.materials) - 1
 
-    def _read(self, material: UsdShade.Material) -> Material | None:
+    def _added(self, material: UsdShade.Material) -> int | None:
+        surface, inside = self._surface(material)
+        medium = self.volume_index(material)
+        if medium is None and inside is not None:
+            medium = self.add_medium(inside)
+        if surface is not None:
+            index = self._append(surface)
+        elif medium is None or any(o.HasConnectedSource() for o in material.GetSurfaceOutputs()):
+            return None
+        else:
+            index = self._append(Material(None, opacity=0.0, name=str(material.GetPath())))
+            self.without_surface.add(index)
+        if medium is not None and not self.materials[index].thin_walled:
+            self.interiors[index] = medium
+        return index
+
+    def _surface(self, material: UsdShade.Material) -> tuple[Material | None, Medium | None]:
+        """The surface of a material and what is inside of it."""
         path = material.GetPath()
-        for output in material.GetVolumeOutputs():
-            if output.HasConnectedSource():
-                self.report.warn("volume materials are not rendered", path)
         outputs = [material.GetSurfaceOutput(context) for context in CONTEXTS]
         outputs = [o for o in outputs if o and o.GetAttr().HasAuthoredConnections()]
         unusable = []
@@ -119,25 +176,37 @@ class Materials:
             # A graph with nodes that are not known is left for the next context, if there is one.
             self.networks.refuse_unknown = output is not outputs[-1]
             try:
-                shader = self._surface(output)
+                shader = self._shader(output, SURFACES, "surface")
                 read = SURFACES[node_id(shader)](self.networks, shader)
                 if lobe_count(read.closure) > MAX_LOBES:
                     raise Unusable(
                         f"surfaces of more than {MAX_LOBES} lobes are not rendered", path
                     )
+                inside = self._interior(shader, read)
             except Unusable as reason:
                 unusable.append(reason)
                 continue
             read.name = str(path)
-            return read
+            return read, inside
         for reason in unusable:
             self.report.warn(reason.reason, reason.path)
         if not unusable:
             self._warn_without_surface(material)
-        return None
+        return None, None
 
-    def _surface(self, output: UsdShade.Output) -> UsdShade.Shader:
-        """The shader behind a surface output, through node graphs."""
+    def _interior(self, shader: UsdShade.Shader, surface: Material) -> Medium | None:
+        read = INTERIORS.get(node_id(shader))
+        if read is None or surface.thin_walled:
+            return None
+        medium = read(self.networks, shader)
+        if medium is not None:
+            medium.name = str(shader.GetPath())
+        return medium
+
+    def _shader(
+        self, output: UsdShade.Output, known: Collection[str], what: str
+    ) -> UsdShade.Shader:
+        """The shader behind an output of a material, through node graphs: one of ``known``."""
         attribute = output.GetAttr()
         follow_no_circle(attribute)
         sources = UsdShade.Utils.GetValueProducingAttributes(output, shaderOutputsOnly=True)
@@ -147,11 +216,11 @@ class Materials:
         elif undeclared is not None:
             shader = undeclared.shader
         else:
-            raise Unusable("materials whose surface is connected to nothing", attribute.GetPath())
+            raise Unusable(f"materials whose {what} is connected to nothing", attribute.GetPath())
         node = node_id(shader)
-        if node not in SURFACES:
+        if node not in known:
             raise Unusable(
-                f"surface shaders of type {node or '(no identifier)'} are not rendered",
+                f"{what} shaders of type {node or '(no identifier)'} are not rendered",
                 shader.GetPath(),
             )
         return shader

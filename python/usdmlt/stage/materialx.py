@@ -212,8 +212,7 @@ def _mix(graph: Graph, shader: UsdShade.Shader) -> Closure:
 
 
 def _layer_volume(graph: Graph, shader: UsdShade.Shader) -> Closure:
-    """A BSDF over a volume, which is left out."""
-    graph.networks.report.note("volumes inside of materials are not rendered", shader.GetPath())
+    """A BSDF over a volume, which ``materialx_volumes`` reads."""
     return graph.scatter(shader, "top")
 
 

@@ -53,7 +53,6 @@ DEFAULTS = {
     "transmission_weight": 0.0,
     "transmission_color": WHITE,
     "transmission_depth": 0.0,
-    "transmission_scatter": BLACK,
     "transmission_dispersion_scale": 0.0,
     "subsurface_weight": 0.0,
     "subsurface_color": (0.8, 0.8, 0.8),
@@ -96,8 +95,7 @@ def read_open_pbr_surface(networks: Networks, shader: UsdShade.Shader) -> Materi
     opaque = build.layer(
         Dielectric(ior, roughness, s["specular_color"]), s["specular_weight"], base
     )
-    color = WHITE if _is_positive(s["transmission_depth"]) else s["transmission_color"]
-    clear = build.clear(ior, roughness, s["specular_color"], color, thin_walled)
+    clear = build.clear(ior, roughness, s["specular_color"], build.tint(s), thin_walled)
     dielectric = build.blend(clear, opaque, s["transmission_weight"])
 
     metal = GeneralizedSchlick(
@@ -158,10 +156,6 @@ def _fourth(value: Input) -> Input:
     return power(value, 4.0)
 
 
-def _is_positive(value: Input) -> bool:
-    return not is_constant(value) or plain(value) > 0
-
-
 def _subsurface(s: Inputs, thin_walled: bool) -> Closure:
     """Diffuse reflection; of thin walls, half reflected and half transmitted, by anisotropy."""
     color = s["subsurface_color"]
@@ -194,8 +188,6 @@ def _warn(s: Inputs) -> None:
         s,
         "transmission_weight",
         [
-            ("absorption over transmission_depth is", "transmission_depth", 0.0),
-            ("scattering inside of transparent materials is", "transmission_scatter", BLACK),
             ("dispersion is", "transmission_dispersion_scale", 0.0),
         ],
     )

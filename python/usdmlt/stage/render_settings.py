@@ -11,7 +11,7 @@ from usdmlt.errors import Error, Report, UsageError
 from usdmlt.options import KNOWN_PURPOSES, LoadOptions, check_data_window
 from usdmlt.stage.data_window import WHOLE
 from usdmlt.stage.render_vars import read_render_vars
-from usdmlt.stage.usdmlt_settings import read_usdmlt_settings
+from usdmlt.stage.usdmlt_settings import WORLD_MEDIUM, read_usdmlt_settings
 
 CONFORM_POLICIES = (
     "expandAperture",
@@ -55,6 +55,7 @@ class RenderSettings:
     render_pass: Usd.Prim | None = None
     usdmlt: dict[str, Any] = field(default_factory=dict)  # fields of usdmlt.Settings
     loading: dict[str, Any] = field(default_factory=dict)  # fields of LoadOptions
+    world_medium: Sdf.Path | None = None  # a material's
 
 
 def read_render_settings(
@@ -94,6 +95,8 @@ def read_render_settings(
     space = settings.GetRenderingColorSpaceAttr().Get(time)
     result.color_space = str(space) if space else None
     result.usdmlt, result.loading = read_usdmlt_settings(prim, time, report)
+    targets = prim.GetRelationship(WORLD_MEDIUM).GetForwardedTargets()
+    result.world_medium = targets[0] if targets else None
     if product:
         aovs = read_render_vars(UsdRender.Product(product), time, report)
         if aovs:

@@ -26,7 +26,7 @@ def apply_sides(group: Group, materials: list[Material]) -> None:
     """Make those of a group's meshes one-sided whose prims are not ``doubleSided``."""
     prims = {str(placed.prim.GetPath()): placed.prim for placed in group.gprims}
     for mesh in group.scene_meshes:
-        mesh.double_sided = _is_double_sided(prims[mesh.name]) or _refracts(mesh, materials)
+        mesh.double_sided = _is_double_sided(prims[mesh.name]) or refracts(mesh, materials)
 
 
 def _is_double_sided(prim: Usd.Prim) -> bool:
@@ -34,7 +34,8 @@ def _is_double_sided(prim: Usd.Prim) -> bool:
     return not gprim or prim.IsA(UsdGeom.Curves) or bool(gprim.GetDoubleSidedAttr().Get())
 
 
-def _refracts(mesh: Mesh, materials: list[Material]) -> bool:
+def refracts(mesh: Mesh, materials: list[Material]) -> bool:
+    """Whether any of a mesh's materials lets light through an interface."""
     used = (materials[index] for index in np.unique(mesh.materials).tolist())
     return any(not m.thin_walled and _closure_refracts(m.closure) for m in used)
 

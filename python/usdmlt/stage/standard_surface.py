@@ -33,7 +33,6 @@ DEFAULTS = {
     "transmission": 0.0,
     "transmission_color": WHITE,
     "transmission_depth": 0.0,
-    "transmission_scatter": BLACK,
     "transmission_dispersion": 0.0,
     "transmission_extra_roughness": 0.0,
     "subsurface": 0.0,
@@ -83,7 +82,7 @@ def read_standard_surface(networks: Networks, shader: UsdShade.Shader) -> Materi
         s["specular_IOR"],
         roughness,
         multiply(s["specular"], s["specular_color"]),
-        s["transmission_color"],
+        build.tint(s),
         thin_walled,
     )
     dielectric = build.blend(clear, opaque, s["transmission"])
@@ -132,8 +131,6 @@ def _warn(s: Inputs) -> None:
         s,
         "transmission",
         [
-            ("absorption over transmission_depth is", "transmission_depth", 0.0),
-            ("scattering inside of transparent materials is", "transmission_scatter", BLACK),
             ("dispersion is", "transmission_dispersion", 0.0),
             ("transmission_extra_roughness is", "transmission_extra_roughness", 0.0),
         ],

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel, UsdVol
 
 from usdmlt.errors import Report
 from usdmlt.scene import Light, Mesh
@@ -69,6 +69,7 @@ class Group:
     from_world: Gf.Matrix4d = field(default_factory=lambda: Gf.Matrix4d(1.0))
     gprims: list[Placed] = field(default_factory=list)
     lights: list[Placed] = field(default_factory=list)
+    volumes: list[Placed] = field(default_factory=list)  # of fields
     instances: list[Placed] = field(default_factory=list)  # of native prototypes
     instancers: list[Placed] = field(default_factory=list)
     points: list[Placed] = field(default_factory=list)  # that are instances of one sphere
@@ -79,13 +80,15 @@ class Group:
     # Filled in once the prims are read:
     scene_meshes: list[Mesh] = field(default_factory=list)
     scene_lights: list[Light] = field(default_factory=list)
+    scene_volumes: list[Mesh] = field(default_factory=list)  # without a surface
 
 
 @dataclass(frozen=True)
 class PrimKind:
     """What a prim type means to the walk."""
 
-    role: str  # "mesh", "gprim", "light", "instancer", "skeleton root", "unsupported", ""
+    # "mesh", "gprim", "volume", "light", "instancer", "skeleton root", "unsupported", ""
+    role: str
     name: str = ""
     imageable: bool = False
     xformable: bool = False
@@ -270,6 +273,8 @@ class Traversal:
             group.points.append(placed)
         elif kind.role in ("mesh", "gprim"):
             group.gprims.append(placed)
+        elif kind.role == "volume":
+            group.volumes.append(placed)
         elif kind.role == "light":
             group.lights.append(placed)
         elif kind.role == "instancer":
@@ -297,6 +302,8 @@ def classify(prim: Usd.Prim, name: str) -> PrimKind:
         return kind("mesh")
     if name in gprims.READERS or name in tessellated.READERS:
         return kind("gprim")
+    if prim.IsA(UsdVol.Volume):
+        return kind("volume")
     if name in lights.READERS:
         return kind("light")
     if prim.IsA(UsdGeom.PointInstancer):

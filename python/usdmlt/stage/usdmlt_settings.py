@@ -17,6 +17,7 @@ from usdmlt.settings import MUTATIONS, Settings
 
 NAMESPACE = "usdmlt"
 WEIGHTS = "mutationWeights"
+WORLD_MEDIUM = f"{NAMESPACE}:worldMedium"  # a relationship
 # Attributes by the field of usdmlt.Settings, and the type of their values.
 FIELDS: dict[str, tuple[str, type]] = {
     "integrator": ("integrator", str),

@@ -74,10 +74,8 @@ class Check:
         if isinstance(stage_or_image, Image) and options:
             raise UsageError(f"a picture is rendered already: {', '.join(options)} cannot be set")
         if not path.exists() and not self.update:
-            pytest.fail(
-                f"there is no reference {self._shown(path)}; make it, and look at it:\n"
-                f"  {self._command(UPDATE)}",
-                pytrace=False,
+            self._stop(
+                path, f"there is no reference {self._shown(path)}", "make it, and look at it"
             )
         reference = self._reference(path)
         picture = self._picture(stage_or_image, reference, options)
@@ -87,10 +85,12 @@ class Check:
         assert reference is not None
         if picture["color"].shape != reference["color"].shape:
             sizes = [f"{x.width}x{x.height}" for x in (reference, picture)]
-            pytest.fail(
-                f"{self._shown(path)}: the pictures differ in size: {sizes[0]} and {sizes[1]}\n"
-                f"  accept: {self._command(UPDATE)}",
-                pytrace=False,
+            self._stop(
+                path,
+                f"{self._shown(path)}: the pictures differ in size: {sizes[0]} and {sizes[1]}",
+                "accept",
+                reference=reference,
+                picture=picture,
             )
         result = comparison.compare(
             reference, picture, significance=significance, thresholds=thresholds, flip=flip
@@ -112,8 +112,17 @@ class Check:
             except Error as error:
                 problem = str(error)
         if problem and not self.update:
-            pytest.fail(f"{problem}\n  make it anew: {self._command(UPDATE)}", pytrace=False)
+            self._stop(path, problem, "make it anew")
         return None
+
+    def _stop(self, path: Path, problem: str, remedy: str, **pictures: Image) -> None:
+        """Fail without a comparison; the remedy is to update."""
+        __tracebackhide__ = True
+        commands = {remedy: self._command(UPDATE)}
+        if self.report is not None:
+            failure = report.Failure(f"{self.test}: {path.stem}", problem, commands, pictures)
+            fragments.add(self.report, failure.name, report.failure_section(failure))
+        pytest.fail(f"{problem}\n  {remedy}: {commands[remedy]}", pytrace=False)
 
     def _picture(
         self, stage_or_image: Any, reference: Batches | None, options: Mapping[str, Any]

@@ -31,6 +31,16 @@ class Entry:
     notes: list[str] = field(default_factory=list)
 
 
+@dataclass
+class Failure:
+    """A check that came to no comparison: why, what to do, and what pictures there are."""
+
+    name: str
+    problem: str
+    commands: Mapping[str, str] = field(default_factory=dict)
+    pictures: Mapping[str, Image] = field(default_factory=dict)
+
+
 def page(sections: Iterable[str], title: str = "usdmlt: compared pictures") -> str:
     """The whole file."""
     body = "\n".join(sections) or "<p>No pictures were compared.</p>"
@@ -63,12 +73,7 @@ def section(entry: Entry) -> str:
     shown_as = [_png(views.encode(x["color"] * exposure, x.color_space)) for x in (a, b)]
     verdict = "different" if result.different else "the same"
     lines = "".join(f"<li>{html.escape(line)}</li>" for line in [*result.lines(), *entry.notes])
-    commands = "".join(
-        f"<dt>{html.escape(what)}</dt><dd><code>{html.escape(command)}</code></dd>"
-        for what, command in entry.commands.items()
-    )
-    zoom = _zoom(a.width)
-    size = f'style="width:{zoom * a.width}px;aspect-ratio:{a.width}/{a.height}"'
+    size = _size(a)
     maps = "".join(
         f'<figure><img src="{source}" alt="{html.escape(name)}" {size}>'
         f"<figcaption>{html.escape(name)}</figcaption></figure>"
@@ -91,9 +96,37 @@ def section(entry: Entry) -> str:
 </figure>
 {maps}
 </div>
-<dl>{commands}</dl>
+<dl>{_commands(entry.commands)}</dl>
 {_tables(result)}
 </section>"""
+
+
+def failure_section(failure: Failure) -> str:
+    """Of a check without a comparison."""
+    pictures = "".join(
+        f'<figure><img src="{_png(views.encode(x["color"] * _exposure(x), x.color_space))}" '
+        f'alt="{html.escape(what)}" {_size(x)}>'
+        f"<figcaption>{html.escape(what)}, {x.width}x{x.height}</figcaption></figure>"
+        for what, x in failure.pictures.items()
+    )
+    return f"""<section class="different">
+<h2>{html.escape(failure.name)} <small>not compared</small></h2>
+<ul><li>{html.escape(failure.problem)}</li></ul>
+<div class="pictures">{pictures}</div>
+<dl>{_commands(failure.commands)}</dl>
+</section>"""
+
+
+def _commands(commands: Mapping[str, str]) -> str:
+    return "".join(
+        f"<dt>{html.escape(what)}</dt><dd><code>{html.escape(command)}</code></dd>"
+        for what, command in commands.items()
+    )
+
+
+def _size(picture: Image) -> str:
+    width = _zoom(picture.width) * picture.width
+    return f'style="width:{width}px;aspect-ratio:{picture.width}/{picture.height}"'
 
 
 def _zoom(width: int) -> int:
