@@ -8,55 +8,16 @@
 
 #include "base/floating_point.hpp"
 #include "paths/trace.hpp"
-#include "python/arrays.hpp"
 #include "python/bind_lights.hpp"
 #include "python/bind_materials.hpp"
+#include "python/media_from_python.hpp"
+#include "python/placed_arrays.hpp"
 #include "scene/dirac_content.hpp"
 
 namespace py = pybind11;
 
 namespace usdmlt {
 namespace {
-
-using Floats = py::array_t<float, py::array::c_style | py::array::forcecast>;
-using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
-using Indices = py::array_t<int32_t, py::array::c_style | py::array::forcecast>;
-
-// Affine transform in double, from USD's row-vector 4×4 matrices.
-struct Affine3d {
-    Vec3d x, y, z, origin;
-
-    Vec3d point(Vec3d p) const { return x * p.x + y * p.y + z * p.z + origin; }
-    double determinant() const { return dot(cross(x, y), z); }
-    Vec3d normal(Vec3d n) const {
-        const Vec3d v = cross(y, z) * n.x + cross(z, x) * n.y + cross(x, y) * n.z;
-        return determinant() < 0 ? v * -1 : v;
-    }
-    Vec3d vector(Vec3d v) const { return x * v.x + y * v.y + z * v.z; }
-    // This first, the other one afterwards.
-    Affine3d then(const Affine3d& m) const {
-        return {m.vector(x), m.vector(y), m.vector(z), m.point(origin)};
-    }
-    Affine3f inverse() const {
-        const double d = 1 / determinant();
-        const Vec3d a = cross(y, z) * d, b = cross(z, x) * d, c = cross(x, y) * d;
-        return {to_float({a.x, b.x, c.x}), to_float({a.y, b.y, c.y}), to_float({a.z, b.z, c.z}),
-                to_float({-dot(a, origin), -dot(b, origin), -dot(c, origin)})};
-    }
-    Affine3f recentred(Vec3d center) const {
-        return {to_float(x), to_float(y), to_float(z), to_float(origin - center)};
-    }
-};
-
-Affine3d affine(const double* m) {
-    return {{m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}, {m[12], m[13], m[14]}};
-}
-
-Affine3d affine(const py::handle& matrix) {
-    const auto array = py::cast<Doubles>(matrix);
-    if (array.size() != 16) throw std::invalid_argument("a transform must be 4x4");
-    return affine(array.data());
-}
 
 struct BoundsD {
     Vec3d lower{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(),
@@ -98,22 +59,6 @@ BoundsD mesh_bounds(const py::handle& mesh) {
     return b;
 }
 
-// Numbers of the array's own memory where it has their type and order, else of a copy.
-template <class T, class Array>
-SharedArray<T> shared(Array array) {
-    const auto size = static_cast<size_t>(array.nbytes()) / sizeof(T);
-    return {share<T>(std::move(array)), size};
-}
-
-SharedArray<Triangle> triangles_of(const Indices& array, bool flipped) {
-    if (!flipped) return shared<Triangle>(array);
-    const int32_t* t = array.data();
-    std::vector<Triangle> out(static_cast<size_t>(array.size() / 3));
-    for (size_t i = 0; i < out.size(); ++i)
-        out[i] = {uint32_t(t[3 * i]), uint32_t(t[3 * i + 2]), uint32_t(t[3 * i + 1])};
-    return out;
-}
-
 CornerValues corner_values(const py::handle& primvar, bool flipped) {
     CornerValues out;
     const auto values = py::cast<Floats>(primvar.attr("values"));
@@ -121,16 +66,6 @@ CornerValues corner_values(const py::handle& primvar, bool flipped) {
     out.values = shared<float>(values);
     const py::object corners = primvar.attr("corners");
     if (!corners.is_none()) out.corners = triangles_of(py::cast<Indices>(corners), flipped);
-    return out;
-}
-
-std::vector<Vec3f> placed_points(const Floats& points, const Affine3d& m, Vec3d center) {
-    const float* p = points.data();
-    const auto count = static_cast<size_t>(points.shape(0));
-    std::vector<Vec3f> out;
-    out.reserve(count + 1);  // Embree reads 16 bytes at the last vertex
-    for (size_t i = 0; i < count; ++i)
-        out.push_back(to_float(m.point({p[3 * i], p[3 * i + 1], p[3 * i + 2]}) - center));
     return out;
 }
 
@@ -269,126 +204,6 @@ void add_light_links(const py::object& source, Scene& scene) {
     }
 }
 
-Spectrum color(const py::handle& values) {
-    const auto c = py::cast<std::array<float, 3>>(values);
-    return {c[0], c[1], c[2]};
-}
-
-DensityGrid make_grid(const py::handle& source, Vec3d center) {
-    DensityGrid grid;
-    const auto values = py::cast<Floats>(source.attr("values"));
-    for (size_t axis = 0; axis < 3; ++axis)
-        grid.size[axis] = static_cast<int>(values.shape(py::ssize_t(axis)));
-    const auto copy = [&](const Floats& from, int width, std::vector<float>& to) {
-        to.resize(static_cast<size_t>(values.size() * width));
-        const float* p = from.data();
-        for (int x = 0; x < grid.size[0]; ++x)
-            for (int y = 0; y < grid.size[1]; ++y)
-                for (int z = 0; z < grid.size[2]; ++z)
-                    for (int c = 0; c < width; ++c)
-                        to[grid.index(x, y, z) * size_t(width) + size_t(c)] = *p++;
-    };
-    copy(values, 1, grid.values);
-    if (!source.attr("emission").is_none())
-        copy(py::cast<Floats>(source.attr("emission")), 3, grid.emission);
-    // Cells in the scene; their centres have whole numbers.
-    const Affine3d m = affine(source.attr("transform"));
-    const auto lower = py::cast<std::array<double, 3>>(source.attr("lower"));
-    const auto upper = py::cast<std::array<double, 3>>(source.attr("upper"));
-    Affine3d cells;
-    cells.x = m.x * ((upper[0] - lower[0]) / grid.size[0]);
-    cells.y = m.y * ((upper[1] - lower[1]) / grid.size[1]);
-    cells.z = m.z * ((upper[2] - lower[2]) / grid.size[2]);
-    cells.origin =
-        m.point({lower[0], lower[1], lower[2]}) + (cells.x + cells.y + cells.z) * 0.5 - center;
-    grid.to_grid = cells.inverse();
-    return grid;
-}
-
-// Of a mesh whose surface refracts, else 1.
-float ior_of(const Scene& scene, const Mesh& mesh) {
-    const Material& material = scene.materials.materials[mesh.material_of(0)];
-    if (material.thin_walled) return 1;
-    Closure closure;
-    closure.geometric_normal = {0, 0, 1};
-    closure.shading = Frame::from_normal({0, 0, 1});
-    evaluate_material(scene.materials, mesh.material_of(0), mesh, 0, 1.0f / 3, 1.0f / 3, {},
-                      closure);
-    for (int i = 0; i < closure.lobe_count; ++i)
-        if (closure.lobes[i].is_interface && closure.lobes[i].transmits)
-            return closure.lobes[i].eta;
-    return 1;
-}
-
-// What bounds a medium: every mesh that is filled, by placement, and the volumes without surface.
-void add_media(const py::object& source, const Affine3d& identity, Vec3d center, Scene& scene) {
-    Media& media = scene.media;
-    for (const auto& entry : py::cast<py::list>(source.attr("media"))) {
-        Medium medium;
-        medium.name = py::cast<std::string>(entry.attr("name"));
-        medium.scattering = color(entry.attr("scattering"));
-        medium.absorption = color(entry.attr("absorption"));
-        medium.emission = color(entry.attr("emission"));
-        medium.phase.g = py::cast<float>(entry.attr("anisotropy"));
-        if (py::cast<std::string>(entry.attr("phase")) == "rayleigh")
-            medium.phase.kind = PhaseKind::rayleigh;
-        if (!entry.attr("grid").is_none()) medium.grid = make_grid(entry.attr("grid"), center);
-        media.media.push_back(std::move(medium));
-    }
-    if (media.empty()) return;
-    if (!source.attr("world_medium").is_none())
-        media.world = py::cast<uint32_t>(source.attr("world_medium"));
-    const auto add = [&](const py::handle& mesh, const Affine3d& m,
-                         const std::vector<Affine3d>& steps, uint32_t index, uint32_t instance) {
-        if (mesh.attr("medium").is_none()) return;
-        const auto number = static_cast<uint32_t>(media.bodies.size());
-        media.bodies.push_back(
-            {py::cast<uint32_t>(mesh.attr("medium")), py::cast<int>(mesh.attr("medium_priority"))});
-        media.nested = media.nested || media.bodies.back().priority != 0;
-        if (index != invalid_index) {
-            media.body_of_surface[Media::surface_key(index, instance)] = number;
-            media.bodies.back().ior = ior_of(scene, scene.meshes[index]);
-        }
-        const Affine3d own = affine(mesh.attr("transform"));
-        const auto points = py::cast<Floats>(mesh.attr("points"));
-        Mesh boundary;
-        boundary.name = py::cast<std::string>(mesh.attr("name"));
-        boundary.positions = placed_points(points, own.then(m), center);
-        boundary.triangles = triangles_of(py::cast<Indices>(mesh.attr("triangles")), false);
-        for (const Affine3d& step : steps)
-            boundary.later_positions.push_back(placed_points(points, own.then(step), center));
-        // Of both motions that of the placement counts.
-        if (steps.empty())
-            for (const auto& step : py::cast<py::list>(mesh.attr("motion")))
-                boundary.later_positions.push_back(
-                    placed_points(py::cast<Floats>(step.attr("points")),
-                                  affine(step.attr("transform")).then(m), center));
-        media.boundaries.push_back(std::move(boundary));
-    };
-    uint32_t index = 0, placement = 0;
-    for (const auto& mesh : py::cast<py::list>(source.attr("meshes")))
-        add(mesh, identity, {}, index++, invalid_index);
-    for (const auto& mesh : py::cast<py::list>(source.attr("volumes")))
-        add(mesh, identity, {}, invalid_index, invalid_index);
-    const auto prototypes = py::cast<py::list>(source.attr("prototypes"));
-    for (const auto& entry : py::cast<py::list>(source.attr("instances"))) {
-        const auto transforms = py::cast<Doubles>(entry.attr("transforms"));
-        const auto motion = py::cast<Doubles>(entry.attr("motion"));
-        const py::object prototype = prototypes[py::cast<size_t>(entry.attr("prototype"))];
-        const py::ssize_t count = transforms.size() / 16;
-        const MeshRange& range = scene.prototypes[py::cast<size_t>(entry.attr("prototype"))];
-        if (range.count == 0) continue;
-        for (py::ssize_t i = 0; i < count; ++i, ++placement) {
-            std::vector<Affine3d> steps;
-            index = range.first;
-            for (py::ssize_t s = 0; s < motion.size() / (16 * count); ++s)
-                steps.push_back(affine(motion.data() + 16 * (s * count + i)));
-            for (const auto& mesh : py::cast<py::list>(prototype.attr("meshes")))
-                add(mesh, affine(transforms.data() + 16 * i), steps, index++, placement);
-        }
-    }
-}
-
 std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& embree_library,
                                   const std::string& isa) {
     auto library = embree::load(embree_library);
@@ -458,7 +273,7 @@ std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& e
         }
     }
 
-    add_media(source, identity, origin, *scene);
+    add_media(source, origin, *scene);
     scene->camera = make_camera(source.attr("camera"), origin, py::cast<int>(source.attr("width")),
                                 py::cast<int>(source.attr("height")));
     scene->exposure = py::cast<double>(source.attr("camera").attr("exposure"));
