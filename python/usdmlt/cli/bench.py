@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from usdmlt.scene import Scene
 
 WIDTH = 256
-EQUAL_TIME_SCENES = ("cornell_box", "door_ajar", "caustics", "pool", "small_aperture")
+EQUAL_TIME_SCENES = ("cornell_box", "door_ajar", "caustics", "pool", "small_aperture", "keyhole")
 
 
 def add_parser(subparsers: Any) -> None:
