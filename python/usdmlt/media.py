@@ -1,15 +1,38 @@
-"""Media of a scene description, checked before the core takes them: it trusts what it is given."""
+"""Media of a scene description: how hot ones glow, and checks, for the core trusts its input."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from usdmlt import color
 from usdmlt.scene import Grid, Medium, Mesh, Scene, Volume
 
 PHASES = ("henyey_greenstein", "rayleigh")
 # Points that are this close, of the size of a mesh, may be one: exporters round what they split.
 SAME_POINT = 1e-5
 COEFFICIENTS = ("scattering", "absorption", "emission")
+REFERENCE = 2000.0  # kelvin
+DARK = 500.0  # kelvin, below which nothing is seen
+HOTTEST = 1e6
+TEMPERATURES = 256  # of the table of colours
+
+
+def blackbody_emission(kelvin: np.ndarray, space: str = color.DEFAULT) -> np.ndarray:
+    """(..., 3) radiance of blackbodies by Planck's law, linear in a colour space, of luminance 1 at
+    2000 kelvin; 0 below 500. ``kelvin`` is of any shape. For :attr:`usdmlt.scene.Grid.emission`.
+    """
+    hot = kelvin >= DARK
+    if not hot.any():
+        return np.zeros((*kelvin.shape, 3))
+    low, high = kelvin[hot].min(), min(kelvin.max(), HOTTEST)
+    table = np.geomspace(min(low, high), high, TEMPERATURES if high > low else 1)
+    luminance = color.blackbody_radiance(REFERENCE).sum() / color.blackbody(REFERENCE).sum()
+    colors = np.array([color.blackbody_radiance(t, space) for t in table]) / luminance
+    # Radiance rises steeply: between temperatures its logarithm is all but linear in that of them.
+    logs = np.log(np.maximum(colors, 1e-30))
+    at = np.log(np.clip(kelvin, table[0], table[-1]))
+    glow = np.stack([np.exp(np.interp(at, np.log(table), column)) for column in logs.T], axis=-1)
+    return np.where(hot[..., None], glow, 0.0)
 
 
 def check_media(scene: Scene) -> None:

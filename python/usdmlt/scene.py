@@ -249,6 +249,20 @@ class Medium:
     grid: Grid | None = None
     name: str = ""
 
+    @classmethod
+    def from_albedo(cls, albedo: Color, mean_free_path: Color, **others: Any) -> Medium:
+        """From the share of scattering in what takes light out of a ray, in [0, 1], and the mean
+        distance to where that happens, in scene units, > 0; ``others`` are fields."""
+        extinction = [1 / length for length in mean_free_path]
+        scattering = [a * sigma for a, sigma in zip(albedo, extinction, strict=True)]
+        absorption = [sigma - s for sigma, s in zip(extinction, scattering, strict=True)]
+        return cls(_three(scattering), _three(absorption), **others)
+
+
+def _three(numbers: list[float]) -> Color:
+    r, g, b = numbers
+    return (r, g, b)
+
 
 # ---------------------------------------------------------------------------------------------
 # Geometry

@@ -26,6 +26,12 @@ def test_media_that_can_be_pass() -> None:
     check_media(s.Scene(media=media, world_medium=3))
 
 
+def test_albedo_and_mean_free_path_are_coefficients() -> None:
+    medium = s.Medium.from_albedo((1, 0.5, 0), (2, 0.5, 4), anisotropy=0.3)
+    assert medium == s.Medium((0.5, 1, 0), (0, 1, 0.25), anisotropy=0.3)
+    check_media(s.Scene(media=[medium]))
+
+
 @pytest.mark.parametrize(
     ("medium", "says"),
     [

@@ -14,7 +14,7 @@ from support.rendering import picture
 from support.usda import instance, node
 from usdmlt import color
 from usdmlt.errors import Error
-from usdmlt.stage.volumes import blackbody_emission
+from usdmlt.media import blackbody_emission
 
 VDB = Path(__file__).parent / "files" / "smoke.vdb"
 needs_vdb = pytest.mark.skipif(

@@ -13,9 +13,8 @@ from dataclasses import replace
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade, UsdVol
 
-from usdmlt import color
 from usdmlt.errors import Error, Report
-from usdmlt.media import check_grid
+from usdmlt.media import blackbody_emission, check_grid
 from usdmlt.scene import Grid, Medium, Mesh, Volume
 from usdmlt.stage.bodies import priority
 from usdmlt.stage.color import ColorSpaces
@@ -28,11 +27,7 @@ from usdmlt.stage.traversal import Group, Placed
 
 DENSITY, TEMPERATURE = "density", "temperature"
 EMISSION, SCALE = "usdmlt:emission", "usdmlt:temperatureScale"
-REFERENCE = 2000.0  # kelvin
-DARK = 500.0  # kelvin, below which nothing is seen
-HOTTEST = 1e6
 STILL = "volumes of fields stand still while the shutter is open"
-TEMPERATURES = 256  # of the table of colours
 
 _CORNERS = np.array([[(i >> axis) & 1 for axis in range(3)] for i in range(8)])
 _FACES = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
@@ -156,22 +151,6 @@ class VolumeReader:
         if number < 0:
             raise Error(f"{prim.GetPath()}: {name} is {number:g}; it must be at least 0")
         return number
-
-
-def blackbody_emission(kelvin: np.ndarray, space: str) -> np.ndarray:
-    """(..., 3) radiance of blackbodies, of luminance 1 at 2000 kelvin; 0 below 500."""
-    hot = kelvin >= DARK
-    if not hot.any():
-        return np.zeros((*kelvin.shape, 3))
-    low, high = kelvin[hot].min(), min(kelvin.max(), HOTTEST)
-    table = np.geomspace(min(low, high), high, TEMPERATURES if high > low else 1)
-    luminance = color.blackbody_radiance(REFERENCE).sum() / color.blackbody(REFERENCE).sum()
-    colors = np.array([color.blackbody_radiance(t, space) for t in table]) / luminance
-    # Radiance rises steeply: between temperatures its logarithm is all but linear in that of them.
-    logs = np.log(np.maximum(colors, 1e-30))
-    at = np.log(np.clip(kelvin, table[0], table[-1]))
-    glow = np.stack([np.exp(np.interp(at, np.log(table), column)) for column in logs.T], axis=-1)
-    return np.where(hot[..., None], glow, 0.0)
 
 
 def place(
