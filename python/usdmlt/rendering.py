@@ -11,24 +11,31 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
-from usdmlt import color, layers, light_path_layers, native
+from usdmlt import color, layers, light_path_layers, native, target_error
 from usdmlt.choice import choose
-from usdmlt.errors import UsageError, Warning
+from usdmlt.errors import Error, UsageError, Warning
+from usdmlt.fingerprint import Fingerprint, of_render
 from usdmlt.image import Image
 from usdmlt.interruption import Interruption
-from usdmlt.making import metadata
+from usdmlt.making import making, metadata
+from usdmlt.parts import RenderPart, State
 from usdmlt.previews import Preview
 from usdmlt.scene import Scene
 from usdmlt.settings import ResolvedIntegrator, Settings, check_resolution, merged
 from usdmlt.surface_layers import SurfaceLayers, surface_layers
+from usdmlt.units import Range, gaps, overlap
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
     from pxr import Usd
 
     from usdmlt import _core
+    from usdmlt.checkpoint import Checkpoint
 
 logger = logging.getLogger("usdmlt")
 
@@ -43,8 +50,9 @@ class Progress:
     units_done: int
     units_total: int
     samples_per_unit: float  # on average
-    seconds: float
+    seconds: float  # of this run
     samples_are: str = "samples"  # of mlt "mutations", or their worth
+    units_before: int = 0  # that were done before this run
 
     @property
     def samples_done(self) -> float:
@@ -93,6 +101,7 @@ class Rendering:
         ``samples``: per pixel.
         """
         other = copy(self)
+        other.__dict__.pop("fingerprint", None)
         other.settings = replace(
             self.settings, samples=samples, mutations=None, error=False, aovs=()
         )
@@ -101,8 +110,13 @@ class Rendering:
         return other
 
     @property
+    def units(self) -> list[Range]:
+        """Which work units the picture is of: ranges (first, one beyond the last), ascending."""
+        return self._render.units
+
+    @property
     def units_done(self) -> int:
-        """The picture is that of the work units 0 … n-1; this is n."""
+        """How many work units the picture is of."""
         return int(self._render.units_done)
 
     @property
@@ -110,24 +124,50 @@ class Rendering:
         """The number of work units when all samples are taken."""
         return int(self._render.units_total)
 
+    @property
+    def samples_per_unit(self) -> float:
+        """Samples, or mutations or their worth, of a work unit on average."""
+        return self._render.samples_per_unit
+
+    @cached_property
+    def fingerprint(self) -> Fingerprint:
+        """What tells the plan from others, whose units must not be summed with its own."""
+        plan = self._render.plan_digest
+        return of_render(self.scene, self.settings, self.integrator, self.layers, plan)
+
     def run(
         self,
         progress: Callable[[Progress], None] | None = None,
         stop: Callable[[], bool] | None = None,
         until: int | None = None,
         previews: Sequence[Preview] = (),
+        first: int = 0,
+        checkpoint: Checkpoint | None = None,
     ) -> bool:
-        """Render until all units are done, the time is over or ``stop()`` is true.
+        """Render until all units are done, the time is over, the error is small enough or
+        ``stop()`` is true.
 
-        ``until``: render units below this number only. ``progress`` and ``stop`` are called from
-        this thread about ten times a second; units that have started by then are finished.
-        ``previews`` are shown the picture so far, each in its time, which does not count.
+        ``first``, ``until``: render units from the first up to, and without, the second only; what
+        of them is done already is not done again. ``progress`` and ``stop`` are called from this
+        thread about ten times a second; units that have started by then are finished.
+        ``previews`` are shown the picture so far, each in its time, which does not count;
+        ``checkpoint`` is written now and then.
         Returns whether all units are done.
         """
         self.see_surfaces(stop)
         last = self.units_total if until is None else min(until, self.units_total)
         seconds, limit = 0.0, self.settings.time
-        while True:
+        total, units_before = last - first, self.units_done
+
+        def tell(units_done: int, seconds: float) -> None:
+            if progress is not None:
+                progress(self._progress(units_done, total, seconds, units_before))
+
+        while not target_error.is_reached(self):
+            gap = next(iter(gaps((first, last), self.units)), None)
+            if gap is None:
+                break
+            end = target_error.next_look(self, *gap)
             started, before = perf_counter(), seconds
             due = started + min((preview.wait(started) for preview in previews), default=math.inf)
             stopped = False
@@ -135,25 +175,73 @@ class Rendering:
             def poll(units_done: int) -> bool:
                 nonlocal stopped
                 now = perf_counter()
-                if progress is not None:
-                    progress(self._progress(units_done, last, before + now - started))  # noqa: B023
+                tell(units_done, before + now - started)  # noqa: B023
                 stopped = stop is not None and stop()
-                return stopped or now >= due  # noqa: B023
+                is_due = checkpoint is not None and checkpoint.wait(now) <= 0
+                return stopped or now >= due or is_due  # noqa: B023
 
             self._render.run(
-                last,
+                end,
                 threads=self.settings.resolved_threads,
                 deadline_seconds=None if limit is None else limit - seconds,
                 poll=poll,
+                first_unit=gap[0],
             )
             seconds += perf_counter() - started
-            over = stopped or self.units_done >= last or (limit is not None and seconds >= limit)
-            if over or not previews:
+            if stopped or (limit is not None and seconds >= limit):
                 break
+            if not gaps((first, last), self.units):
+                break  # what is due will be made of the whole
             self._show(previews)
-        if progress is not None:
-            progress(self._progress(self.units_done, last, seconds))
+            if checkpoint is not None and checkpoint.wait(perf_counter()) <= 0:
+                checkpoint.update(self)
+        tell(self.units_done, seconds)
         return self.units_done == self.units_total
+
+    def state(self) -> State:
+        """What the units done so far gave, to be added to a rendering of the same plan; its arrays
+        are the film's own and change when more is rendered."""
+        return State(self._render.film.planes(), self._render.saved())
+
+    def add(self, state: State) -> None:
+        """Add units of the same plan that were rendered elsewhere, or before.
+
+        :class:`usdmlt.Error` where some of them are done already; then nothing is added.
+        """
+        both = overlap(self.units, state.units)
+        if both:
+            raise Error(f"units {both[0]}:{both[1]} are there already")
+        self._render.film.add(state.sums)
+        self._render.add_saved(state.saved)
+
+    def clear(self) -> None:
+        """Back to the plan: no unit is done."""
+        self._render.clear()
+
+    def part(self) -> RenderPart:
+        """The work so far and its picture, to be written (:mod:`usdmlt.parts`)."""
+        development = self._render.development
+        with no_warnings():
+            image = self.image()
+        return RenderPart(
+            self.fingerprint,
+            self.state(),
+            self.units_total,
+            self._render.film.scale,
+            (development.mutations_per_unit, development.units_in_turn, development.exposure),
+            tuple(layer.name for layer in self._light_paths),
+            self._render.samples_per_unit,
+            making(self.scene, self.settings, image.stats),
+            image,
+        )
+
+    def error(self) -> npt.NDArray[np.float32]:
+        """The standard error of the picture's luminance so far, (height, width) float32."""
+        return self._render.error()
+
+    def rgba(self) -> npt.NDArray[np.float32]:
+        """The picture so far without its layers, (height, width, 4) float32."""
+        return self._render.image()
 
     def _show(self, previews: Sequence[Preview]) -> None:
         due = [preview for preview in previews if preview.wait(perf_counter()) <= 0]
@@ -182,7 +270,7 @@ class Rendering:
             image.metadata["light_paths"] = json.dumps(shown, ensure_ascii=False)
         for layer in self.layers:
             if layer.shows == "sampleCount":
-                image.channels[layer.name] = self._render.sample_counts()
+                image.channels[layer.name] = self._render.film.sample_counts()
         surfaces = self.see_surfaces()
         image.channels |= surfaces.channels
         image.metadata |= surfaces.metadata
@@ -234,6 +322,7 @@ class Rendering:
             **measured,
             "units_done": self.units_done,
             "units_total": self.units_total,
+            "units": [[first, last] for first, last in self.units],
             "samples_per_pixel": spent / self._pixels,
             "truncated_fraction": truncated_fraction(measured["path_length_energy"]),
             "unreachable": self._unreachable,
@@ -245,9 +334,10 @@ class Rendering:
     def _pixels(self) -> int:
         return self.scene.width * self.scene.height
 
-    def _progress(self, units_done: int, last: int, seconds: float) -> Progress:
+    def _progress(self, done: int, total: int, seconds: float, before: int) -> Progress:
         samples_are = "mutations" if self.integrator == "mlt" else "samples"
-        return Progress(units_done, last, self._render.samples_per_unit, seconds, samples_are)
+        samples = self._render.samples_per_unit
+        return Progress(done, total, samples, seconds, samples_are, before)
 
 
 def render(

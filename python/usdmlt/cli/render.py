@@ -8,17 +8,25 @@ import logging
 import os
 import signal
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from usdmlt.cli.asked import Asked, read_asked
 from usdmlt.cli.frames import check_placeholder, frame_path, parse_frames
 from usdmlt.cli.logs import add_verbosity
+from usdmlt.cli.long import (
+    add_long_flags,
+    check_long_flags,
+    chunk,
+    open_checkpoint,
+    tell_how_to_go_on,
+)
 from usdmlt.cli.pictures import Pictures, add_looking_flags, add_writing_flags
 from usdmlt.cli.progress import ProgressStyle
 from usdmlt.cli.reading import add_view_flags
 from usdmlt.cli.tracing import add_tracing_flags, tracing
-from usdmlt.errors import Error, UsageError
+from usdmlt.errors import Error, UsageError, named
 from usdmlt.settings import MUTATIONS, DirectName, FilterName, IntegratorName, Settings, merged
 
 if TYPE_CHECKING:
@@ -85,7 +93,7 @@ def add_parser(subparsers: Any) -> None:
         metavar="N",
         type=int,
         help="samples per pixel, of mlt mutations per pixel "
-        f"(default: {defaults.resolved_samples}, or what fits into --time)",
+        f"(default: {defaults.resolved_samples}, or what fits into --time or --error needs)",
     )
     how.add_argument(
         "--mutations", metavar="N", type=int, help="mutations per pixel: --samples of mlt alone"
@@ -96,6 +104,13 @@ def add_parser(subparsers: Any) -> None:
         type=float,
         help="stop rendering each frame after this time, reading the stage not counted "
         "(default: no limit)",
+    )
+    how.add_argument(
+        "--error",
+        metavar="E",
+        type=float,
+        help="render until the error of the picture, relative to its luminance, is estimated to be "
+        "below this, such as 0.02 (default: the samples decide)",
     )
     how.add_argument(
         "--depth",
@@ -145,6 +160,7 @@ def add_parser(subparsers: Any) -> None:
         action=argparse.BooleanOptionalAction,
         help="make a coarse picture first, so that dark parts get nearly as much work",
     )
+    add_long_flags(parser)
     add_looking_flags(parser)
     report = parser.add_argument_group("what is reported")
     report.add_argument(
@@ -181,6 +197,7 @@ class Job:
     product: str | None
     output: str
     stats: str | None
+    checkpoint: str | None
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -192,6 +209,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from usdmlt import files
 
+    check_long_flags(arguments)
     asked = read_asked(arguments)
     if arguments.list_cameras:
         from usdmlt.stage import camera_paths
@@ -203,14 +221,33 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.skip_existing:
         jobs = [job for job in jobs if not _exists(job.output)]
     for job in jobs:
-        for path in (job.output, job.stats):
+        for path in (job.output, job.stats, job.checkpoint):
             if path:
                 files.check_writable(path)
     pictures = Pictures(arguments, [job.output for job in jobs])
-    for job in jobs:
-        status = _render(arguments, asked, job, pictures)
+    if len(jobs) == 1:
+        return _render(arguments, asked, jobs[0], pictures)
+    return _render_all(arguments, asked, jobs, pictures)
+
+
+def _render_all(
+    arguments: argparse.Namespace, asked: Asked, jobs: Sequence[Job], pictures: Pictures
+) -> int:
+    """Render pictures one after the other; one that fails does not take the others along."""
+    failed = []
+    for number, job in enumerate(jobs):
+        try:
+            status = _render(arguments, asked, job, pictures)
+        except (Error, MemoryError) as error:
+            logger.error("%s failed: %s", job.output, str(error) or "out of memory")
+            failed.append(job.output)
+            continue
         if status:
+            logger.warning("stopped: %d of %d pictures were begun", number + 1, len(jobs))
             return status
+    if failed:
+        done = len(jobs) - len(failed)
+        raise Error(f"{done} of {len(jobs)} pictures were written, not {named(failed)}")
     return 0
 
 
@@ -224,13 +261,11 @@ def _jobs(arguments: argparse.Namespace, asked: Asked) -> list[Job]:
     if arguments.output is None:
         return _product_jobs(arguments, times, asked.options)
     image.check_extension(arguments.output)
-    for path in (arguments.output, arguments.stats):
+    paths = arguments.output, arguments.stats, arguments.checkpoint
+    for path in paths:
         if path:
             check_placeholder(path, frames)
-    return [
-        Job(time, None, _numbered(arguments.output, time), _numbered(arguments.stats, time))
-        for time in times
-    ]
+    return [Job(time, None, *(_numbered(path, time) for path in paths)) for time in times]
 
 
 def _product_jobs(
@@ -242,8 +277,9 @@ def _product_jobs(
     from usdmlt import image
     from usdmlt.stage import products
 
-    if arguments.stats:
-        raise UsageError("--stats is for one picture: name its OUTPUT")
+    for flag in ("stats", "checkpoint"):
+        if getattr(arguments, flag):
+            raise UsageError(f"--{flag} is for one picture: name its OUTPUT")
     jobs = []
     for time in times:
         for product in products(arguments.stage, frame=time, **options):
@@ -251,7 +287,7 @@ def _product_jobs(
                 name = str(image.check_extension(product.name))
             except UsageError as error:
                 raise Error(f"{product.path}: {error}") from None
-            jobs.append(Job(time, product.path, _numbered(name, time) or name, None))
+            jobs.append(Job(time, product.path, _numbered(name, time) or name, None, None))
     if not jobs:
         raise UsageError("name the OUTPUT: the stage has no render products")
     outputs = [job.output for job in jobs]
@@ -274,7 +310,8 @@ def _exists(output: str) -> bool:
 
 def _render(arguments: argparse.Namespace, asked: Asked, job: Job, pictures: Pictures) -> int:
     """Render and write one picture; 0, or 128 + the number of the signal that stopped it."""
-    from usdmlt import files
+    from usdmlt import files, parts, units
+    from usdmlt.checkpoint import settings_to_resume
     from usdmlt.cli.progress import display, display_reading
     from usdmlt.interruption import Interruption
     from usdmlt.rendering import Rendering
@@ -286,21 +323,46 @@ def _render(arguments: argparse.Namespace, asked: Asked, job: Job, pictures: Pic
     if job.product is not None:
         options["product"] = job.product
     quiet = arguments.verbosity < 0
+    checkpoint = open_checkpoint(arguments, job.checkpoint)
+    before = checkpoint.read() if checkpoint is not None and arguments.resume else None
     with display_reading(arguments.progress, quiet) as reading:
         scene = load(asked.stage, progress=reading, **options)
     settings = merged(scene.settings, asked.settings)
+    if before is not None:
+        settings = settings_to_resume(settings, before)
     rendering = Rendering(scene, settings)
     pictures.check_layers(rendering.layers, job.output)
+    first, last = chunk(arguments, rendering, asked.until)
     logger.info("%s", _description(asked.stage, rendering))
-    with Interruption(signal.SIGINT, signal.SIGTERM, always=True) as interruption:
+    if checkpoint is not None and before is not None:
+        checkpoint.restore(rendering, before)
+        logger.info("%s has units %s", checkpoint.path, units.describe(rendering.units))
+    unsaved: Error | None = None
+    with (
+        Interruption(signal.SIGINT, signal.SIGTERM, always=True) as interruption,
+        checkpoint or nullcontext(),
+    ):
         with pictures.previews(job.output) as previews:
             with display(settings, arguments.progress, quiet) as progress:
                 rendering.run(
-                    progress, stop=lambda: bool(interruption), until=asked.until, previews=previews
+                    progress, lambda: bool(interruption), last, previews, first, checkpoint
                 )
+            if checkpoint is not None:
+                try:
+                    checkpoint.write(rendering)
+                except Error as error:
+                    unsaved = error  # the picture may find room
             image = rendering.image() if rendering.units_done else None
             if image is not None:
-                pictures.write(image, job.output)
+                try:
+                    if arguments.units is not None:
+                        parts.write(job.output, rendering.part(), arguments.compression)
+                    else:
+                        pictures.write(image, job.output)
+                except Error as error:
+                    if checkpoint is None or unsaved:
+                        raise
+                    raise Error(f"{error}; {checkpoint.path} has the work, to --resume") from None
         if image is None:
             logger.warning("stopped before any work was done: nothing was written")
         else:
@@ -311,6 +373,9 @@ def _render(arguments: argparse.Namespace, asked: Asked, job: Job, pictures: Pic
                 from usdmlt.cli.memory import memory_report
 
                 logger.info("%s", memory_report(scene))
+    if unsaved:
+        raise unsaved
+    tell_how_to_go_on((first, last), rendering, checkpoint)
     return 0 if interruption.signal is None else 128 + interruption.signal
 
 
@@ -318,10 +383,13 @@ def _description(stage: str, rendering: Rendering) -> str:
     """What will be rendered and how, defaults included."""
     scene, settings = rendering.scene, rendering.settings
     limits = []
-    if settings.time is None or settings.samples or settings.mutations:
+    unlimited = settings.time is None and settings.target_error is None
+    if unlimited or settings.samples or settings.mutations:
         limits.append(f"{settings.resolved_samples} {_samples(rendering)}")
     if settings.time is not None:
         limits.append(f"{settings.time:g} s")
+    if settings.target_error is not None:
+        limits.append(f"error {settings.target_error:g}")
     why = f" (auto: {rendering.choice.reason})" if settings.integrator == "auto" else ""
     return (
         f"{stage}: camera {scene.camera.name or '(automatic)'}, {scene.width}x{scene.height}, "
@@ -337,10 +405,12 @@ def _samples(rendering: Rendering) -> str:
 
 def _outcome(output: str, rendering: Rendering, stats: dict[str, Any]) -> str:
     """What was written, and how much of the work is in it."""
+    from usdmlt import units
+
     share = (
         "all units"
         if rendering.units_done == rendering.units_total
-        else f"units 0:{rendering.units_done}"
+        else f"units {units.describe(rendering.units)}"
     )
     return (
         f"wrote {output}: {round(stats['samples_per_pixel'], 1):g} {_samples(rendering)} ({share}) "
