@@ -161,7 +161,7 @@ class Rendering:
 
         def tell(units_done: int, seconds: float) -> None:
             if progress is not None:
-                progress(self._progress(units_done, total, seconds, units_before))
+                progress(self.progress(units_done, total, seconds, units_before))
 
         while not target_error.is_reached(self):
             gap = next(iter(gaps((first, last), self.units)), None)
@@ -192,7 +192,7 @@ class Rendering:
                 break
             if not gaps((first, last), self.units):
                 break  # what is due will be made of the whole
-            self._show(previews)
+            self.show(previews)
             if checkpoint is not None and checkpoint.wait(perf_counter()) <= 0:
                 checkpoint.update(self)
         tell(self.units_done, seconds)
@@ -214,9 +214,12 @@ class Rendering:
         self._render.film.add(state.sums)
         self._render.add_saved(state.saved)
 
-    def clear(self) -> None:
-        """Back to the plan: no unit is done."""
+    def render_alone(self, first: int, last: int, threads: int) -> State:
+        """What the units ``first`` to ``last`` - 1 give alone: others that are done are dropped."""
         self._render.clear()
+        self._render.run(last, threads=threads, first_unit=first)
+        sums = {name: plane.copy() for name, plane in self._render.film.planes().items()}
+        return State(sums, self._render.saved())
 
     def part(self) -> RenderPart:
         """The work so far and its picture, to be written (:mod:`usdmlt.parts`)."""
@@ -243,7 +246,8 @@ class Rendering:
         """The picture so far without its layers, (height, width, 4) float32."""
         return self._render.image()
 
-    def _show(self, previews: Sequence[Preview]) -> None:
+    def show(self, previews: Sequence[Preview]) -> None:
+        """Show the picture so far to those of the previews that are due."""
         due = [preview for preview in previews if preview.wait(perf_counter()) <= 0]
         if not due or self.units_done == 0:
             return
@@ -334,7 +338,8 @@ class Rendering:
     def _pixels(self) -> int:
         return self.scene.width * self.scene.height
 
-    def _progress(self, done: int, total: int, seconds: float, before: int) -> Progress:
+    def progress(self, done: int, total: int, seconds: float, before: int) -> Progress:
+        """Of so many units done, some of them before."""
         samples_are = "mutations" if self.integrator == "mlt" else "samples"
         samples = self._render.samples_per_unit
         return Progress(done, total, samples, seconds, samples_are, before)

@@ -46,6 +46,23 @@ def add_long_flags(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_cluster_flags(parser: argparse.ArgumentParser) -> None:
+    """Declare those of Dask."""
+    cluster = parser.add_argument_group("on several machines, by Dask")
+    where = cluster.add_mutually_exclusive_group()
+    where.add_argument(
+        "--cluster",
+        metavar="ADDRESS",
+        help="of a `dask scheduler`, tcp://HOST:PORT or tls://HOST:PORT, whose workers render",
+    )
+    where.add_argument(
+        "--workers",
+        metavar="N",
+        type=int,
+        help="start N worker processes on this machine, which share the --threads",
+    )
+
+
 def check_long_flags(arguments: argparse.Namespace) -> None:
     """Raise ValueError for flags that do not go together."""
     from usdmlt import units
@@ -57,6 +74,8 @@ def check_long_flags(arguments: argparse.Namespace) -> None:
         ):
             if given:
                 raise UsageError(f"{flag} needs a --checkpoint FILE.exr")
+    if arguments.workers is not None and not 1 <= arguments.workers <= 1024:
+        raise UsageError(f"--workers must be between 1 and 1024, not {arguments.workers}")
     if arguments.units is not None:
         units.parse(arguments.units)
         if arguments.made is not None:

@@ -3,34 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import os
-import signal
 from collections.abc import Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 from usdmlt.cli.asked import Asked, read_asked
 from usdmlt.cli.frames import check_placeholder, frame_path, parse_frames
 from usdmlt.cli.logs import add_verbosity
-from usdmlt.cli.long import (
-    add_long_flags,
-    check_long_flags,
-    chunk,
-    open_checkpoint,
-    tell_how_to_go_on,
-)
+from usdmlt.cli.long import add_cluster_flags, add_long_flags, check_long_flags
 from usdmlt.cli.pictures import Pictures, add_looking_flags, add_writing_flags
 from usdmlt.cli.progress import ProgressStyle
 from usdmlt.cli.reading import add_view_flags
+from usdmlt.cli.sequence import render_all
 from usdmlt.cli.tracing import add_tracing_flags, tracing
-from usdmlt.errors import Error, UsageError, named
-from usdmlt.settings import MUTATIONS, DirectName, FilterName, IntegratorName, Settings, merged
-
-if TYPE_CHECKING:
-    from usdmlt.rendering import Rendering
+from usdmlt.cli.work import Job
+from usdmlt.errors import Error, UsageError
+from usdmlt.settings import MUTATIONS, DirectName, FilterName, IntegratorName, Settings
 
 logger = logging.getLogger("usdmlt")
 
@@ -161,6 +150,7 @@ def add_parser(subparsers: Any) -> None:
         help="make a coarse picture first, so that dark parts get nearly as much work",
     )
     add_long_flags(parser)
+    add_cluster_flags(parser)
     add_looking_flags(parser)
     report = parser.add_argument_group("what is reported")
     report.add_argument(
@@ -189,17 +179,6 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=run)
 
 
-@dataclass(frozen=True)
-class Job:
-    """One picture: when, of which product (None: the first), and the files it goes to."""
-
-    frame: float | Literal["default"] | None
-    product: str | None
-    output: str
-    stats: str | None
-    checkpoint: str | None
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Render every frame; the exit status."""
     with tracing(arguments.traceToFile, arguments.traceFormat):
@@ -225,30 +204,7 @@ def _run(arguments: argparse.Namespace) -> int:
             if path:
                 files.check_writable(path)
     pictures = Pictures(arguments, [job.output for job in jobs])
-    if len(jobs) == 1:
-        return _render(arguments, asked, jobs[0], pictures)
-    return _render_all(arguments, asked, jobs, pictures)
-
-
-def _render_all(
-    arguments: argparse.Namespace, asked: Asked, jobs: Sequence[Job], pictures: Pictures
-) -> int:
-    """Render pictures one after the other; one that fails does not take the others along."""
-    failed = []
-    for number, job in enumerate(jobs):
-        try:
-            status = _render(arguments, asked, job, pictures)
-        except (Error, MemoryError) as error:
-            logger.error("%s failed: %s", job.output, str(error) or "out of memory")
-            failed.append(job.output)
-            continue
-        if status:
-            logger.warning("stopped: %d of %d pictures were begun", number + 1, len(jobs))
-            return status
-    if failed:
-        done = len(jobs) - len(failed)
-        raise Error(f"{done} of {len(jobs)} pictures were written, not {named(failed)}")
-    return 0
+    return render_all(arguments, asked, jobs, pictures)
 
 
 def _jobs(arguments: argparse.Namespace, asked: Asked) -> list[Job]:
@@ -306,113 +262,3 @@ def _exists(output: str) -> bool:
     if there:
         logger.info("%s is there already: left out", output)
     return there
-
-
-def _render(arguments: argparse.Namespace, asked: Asked, job: Job, pictures: Pictures) -> int:
-    """Render and write one picture; 0, or 128 + the number of the signal that stopped it."""
-    from usdmlt import files, parts, units
-    from usdmlt.checkpoint import settings_to_resume
-    from usdmlt.cli.progress import display, display_reading
-    from usdmlt.interruption import Interruption
-    from usdmlt.rendering import Rendering
-    from usdmlt.stage import load
-
-    options = dict(asked.options)
-    if job.frame is not None:
-        options["frame"] = job.frame
-    if job.product is not None:
-        options["product"] = job.product
-    quiet = arguments.verbosity < 0
-    checkpoint = open_checkpoint(arguments, job.checkpoint)
-    before = checkpoint.read() if checkpoint is not None and arguments.resume else None
-    with display_reading(arguments.progress, quiet) as reading:
-        scene = load(asked.stage, progress=reading, **options)
-    settings = merged(scene.settings, asked.settings)
-    if before is not None:
-        settings = settings_to_resume(settings, before)
-    rendering = Rendering(scene, settings)
-    pictures.check_layers(rendering.layers, job.output)
-    first, last = chunk(arguments, rendering, asked.until)
-    logger.info("%s", _description(asked.stage, rendering))
-    if checkpoint is not None and before is not None:
-        checkpoint.restore(rendering, before)
-        logger.info("%s has units %s", checkpoint.path, units.describe(rendering.units))
-    unsaved: Error | None = None
-    with (
-        Interruption(signal.SIGINT, signal.SIGTERM, always=True) as interruption,
-        checkpoint or nullcontext(),
-    ):
-        with pictures.previews(job.output) as previews:
-            with display(settings, arguments.progress, quiet) as progress:
-                rendering.run(
-                    progress, lambda: bool(interruption), last, previews, first, checkpoint
-                )
-            if checkpoint is not None:
-                try:
-                    checkpoint.write(rendering)
-                except Error as error:
-                    unsaved = error  # the picture may find room
-            image = rendering.image() if rendering.units_done else None
-            if image is not None:
-                try:
-                    if arguments.units is not None:
-                        parts.write(job.output, rendering.part(), arguments.compression)
-                    else:
-                        pictures.write(image, job.output)
-                except Error as error:
-                    if checkpoint is None or unsaved:
-                        raise
-                    raise Error(f"{error}; {checkpoint.path} has the work, to --resume") from None
-        if image is None:
-            logger.warning("stopped before any work was done: nothing was written")
-        else:
-            if job.stats:
-                files.write_text(job.stats, json.dumps(image.stats, indent=2) + "\n")
-            logger.info("%s", _outcome(job.output, rendering, image.stats))
-            if arguments.memstats:
-                from usdmlt.cli.memory import memory_report
-
-                logger.info("%s", memory_report(scene))
-    if unsaved:
-        raise unsaved
-    tell_how_to_go_on((first, last), rendering, checkpoint)
-    return 0 if interruption.signal is None else 128 + interruption.signal
-
-
-def _description(stage: str, rendering: Rendering) -> str:
-    """What will be rendered and how, defaults included."""
-    scene, settings = rendering.scene, rendering.settings
-    limits = []
-    unlimited = settings.time is None and settings.target_error is None
-    if unlimited or settings.samples or settings.mutations:
-        limits.append(f"{settings.resolved_samples} {_samples(rendering)}")
-    if settings.time is not None:
-        limits.append(f"{settings.time:g} s")
-    if settings.target_error is not None:
-        limits.append(f"error {settings.target_error:g}")
-    why = f" (auto: {rendering.choice.reason})" if settings.integrator == "auto" else ""
-    return (
-        f"{stage}: camera {scene.camera.name or '(automatic)'}, {scene.width}x{scene.height}, "
-        f"{rendering.integrator}{why}, {' or '.join(limits)}, depth {settings.depth}, "
-        f"{settings.filter} filter, seed {settings.seed}, threads {settings.resolved_threads}"
-    )
-
-
-def _samples(rendering: Rendering) -> str:
-    """What the integrator's budget counts."""
-    return "mutations per pixel" if rendering.integrator == "mlt" else "samples per pixel"
-
-
-def _outcome(output: str, rendering: Rendering, stats: dict[str, Any]) -> str:
-    """What was written, and how much of the work is in it."""
-    from usdmlt import units
-
-    share = (
-        "all units"
-        if rendering.units_done == rendering.units_total
-        else f"units {units.describe(rendering.units)}"
-    )
-    return (
-        f"wrote {output}: {round(stats['samples_per_pixel'], 1):g} {_samples(rendering)} ({share}) "
-        f"in {stats['seconds']:.1f} s"
-    )

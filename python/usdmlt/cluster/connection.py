@@ -1,0 +1,71 @@
+"""The way to a scheduler of Dask: one that is there, or one that is started here."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from usdmlt.errors import Error
+from usdmlt.settings import available_processors
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+SECONDS_TO_CONNECT = 10.0
+
+
+@contextmanager
+def connected(address: str) -> Iterator[Client]:
+    """A client of the scheduler at ``tcp://HOST:PORT``, or ``tls://`` by Dask's configuration.
+
+    :class:`usdmlt.Error` where none answers.
+    """
+    _quiet()
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=SECONDS_TO_CONNECT, set_as_default=False)
+    except (OSError, ValueError, TypeError, RuntimeError) as error:
+        reason = f" ({error})" if isinstance(error, (TypeError, ValueError, RuntimeError)) else ""
+        raise Error(f"no scheduler of Dask answers at {address}{reason}") from error
+    try:
+        yield client
+    finally:
+        client.close(timeout=SECONDS_TO_CONNECT)
+
+
+@contextmanager
+def local(workers: int, threads: int | None) -> Iterator[Client]:
+    """A client of so many worker processes on this machine, which share ``threads``; they listen
+    on the loopback only and end with the block."""
+    _quiet()
+    from distributed import Client, LocalCluster
+
+    each = max((threads or available_processors()) // workers, 1)
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=each,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address=None,
+            worker_dashboard_address=None,
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        yield client
+
+
+def _quiet() -> None:
+    """Import Dask, which says much when connections end; :class:`usdmlt.Error` where it is not
+    installed."""
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        raise Error(
+            "rendering on workers needs Dask: install usdmlt[cluster], or the package distributed"
+        ) from None
+    for name in ("distributed", "tornado.application"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
