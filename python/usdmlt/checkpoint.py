@@ -131,6 +131,25 @@ class Checkpoint:
             os.replace(second_name, previous)
 
 
+def open_checkpoint(
+    path: str | os.PathLike[str] | None, resume: bool, seconds: float | None = None
+) -> tuple[Checkpoint | None, parts.RenderPart | None]:
+    """The checkpoint at a path, if there is to be one, and what it has, if it is to be resumed.
+
+    Raises :class:`usdmlt.Error` where it is there already and is not to be resumed: its work would
+    be lost.
+    """
+    if path is None:
+        if resume:
+            raise UsageError("to resume, name the checkpoint")
+        return None, None
+    checkpoint = Checkpoint(path, seconds)
+    if resume:
+        return checkpoint, checkpoint.read()
+    checkpoint.check_is_new()
+    return checkpoint, None
+
+
 def settings_to_resume(settings: Settings, part: parts.RenderPart) -> Settings:
     """The settings, with the integrator that an automatic choice led to when it began."""
     automatic = settings.integrator == "auto" and settings.mutations is None

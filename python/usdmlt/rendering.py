@@ -8,7 +8,7 @@ import math
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from copy import copy
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
@@ -16,6 +16,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
 from usdmlt import color, layers, light_path_layers, native, target_error
+from usdmlt.checkpoint import open_checkpoint, settings_to_resume
 from usdmlt.choice import choose
 from usdmlt.errors import Error, UsageError, Warning
 from usdmlt.fingerprint import Fingerprint, of_render
@@ -32,6 +33,7 @@ from usdmlt.units import Range, gaps, overlap
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
+    from distributed import Client
     from pxr import Usd
 
     from usdmlt import _core
@@ -355,6 +357,9 @@ def render(
     progress: Callable[[Progress], None] | None = None,
     preview: Callable[[Image], None] | None = None,
     preview_seconds: float = 2.0,
+    checkpoint: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    client: Client | None = None,
     **options: Any,
 ) -> Image:
     """Render a USD stage, or a scene description, and return the picture.
@@ -364,10 +369,14 @@ def render(
     ``progress``: called about ten times a second with a :class:`Progress`.
     ``preview``: called with the picture so far every ``preview_seconds``, and at last with the
     whole; in a notebook :class:`usdmlt.notebook.Live`.
+    ``checkpoint``: a file that has the work so far, as of the command line; ``resume``: go on from
+    it, if it is there yet.
+    ``client``: a ``distributed.Client`` of Dask, whose workers render: the same bits.
     ``options``: the fields of :class:`usdmlt.Settings`: integrator, samples, mutations, time,
-    depth, seed, threads, filter, error, aovs, mutation_weights, direct, selective, two_stage, which
-    go before what the stage itself asks for; all others are those of :func:`usdmlt.load`, as
-    camera, frame, width and height are: purposes, mask, variants, color_space …
+    target_error, depth, seed, threads, filter, error, aovs, mutation_weights, direct, selective,
+    two_stage, which go before what the stage itself asks for; all others are those of
+    :func:`usdmlt.load`, as camera, frame, width and height are: purposes, mask, variants,
+    color_space …
 
     The picture's layers are ``"color"`` and ``"alpha"`` and, unless ``error=False``, ``"error"``:
     the standard error of the luminance by pixel, 0 where there were too few samples to tell; and
@@ -383,11 +392,26 @@ def render(
     options |= {"camera": camera, "frame": frame, "width": width, "height": height}
     scene, given, _ = read(stage, options)
     previews = [] if preview is None else [Preview(preview, preview_seconds)]
-    rendering = Rendering(scene, merged(scene.settings, given))
-    if rendering.settings.integrator == "auto":
+    settings = merged(scene.settings, given)
+    saved, before = open_checkpoint(checkpoint, resume)
+    if before is not None:
+        settings = settings_to_resume(settings, before)
+    rendering = Rendering(scene, settings)
+    if saved is not None and before is not None:
+        saved.restore(rendering, before)
+    if settings.integrator == "auto":
         logger.info("auto: %s (%s)", rendering.integrator, rendering.choice.reason)
-    with Interruption(signal.SIGINT) as interruption:
-        rendering.run(progress, stop=lambda: bool(interruption), previews=previews)
+    with Interruption(signal.SIGINT) as interruption, saved or nullcontext():
+        try:
+            if client is None:
+                rendering.run(progress, lambda: bool(interruption), None, previews, 0, saved)
+            else:
+                from usdmlt.cluster import render as render_on
+
+                render_on(client, rendering, progress, lambda: bool(interruption), previews, saved)
+        finally:
+            if saved is not None:
+                saved.write(rendering)
     image = rendering.image()
     for last in previews:
         last.update(image)

@@ -86,18 +86,6 @@ def check_long_flags(arguments: argparse.Namespace) -> None:
             raise UsageError("--units need an OUTPUT.exr: a part has more than a view can hold")
 
 
-def open_checkpoint(arguments: argparse.Namespace, path: str | None) -> Checkpoint | None:
-    """The checkpoint of one picture, or None where there is to be none."""
-    if path is None:
-        return None
-    from usdmlt.checkpoint import Checkpoint
-
-    checkpoint = Checkpoint(path, arguments.checkpoint_seconds)
-    if not arguments.resume:
-        checkpoint.check_is_new()
-    return checkpoint
-
-
 def chunk(arguments: argparse.Namespace, rendering: Rendering, until: int | None) -> Range:
     """The units that are to be rendered."""
     from usdmlt import units

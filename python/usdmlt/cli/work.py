@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from usdmlt.cli.asked import Asked
-from usdmlt.cli.long import chunk, open_checkpoint, tell_how_to_go_on
+from usdmlt.cli.long import chunk, tell_how_to_go_on
 from usdmlt.cli.pictures import Pictures
 from usdmlt.errors import Error
 from usdmlt.settings import merged
@@ -45,7 +45,7 @@ class Work:
         self, arguments: argparse.Namespace, asked: Asked, job: Job, pictures: Pictures
     ) -> None:
         from usdmlt import units
-        from usdmlt.checkpoint import settings_to_resume
+        from usdmlt.checkpoint import open_checkpoint, settings_to_resume
         from usdmlt.cli.progress import display_reading
         from usdmlt.rendering import Rendering
         from usdmlt.stage import load
@@ -57,10 +57,9 @@ class Work:
             options["frame"] = job.frame
         if job.product is not None:
             options["product"] = job.product
-        self.checkpoint = open_checkpoint(arguments, job.checkpoint)
-        before = None
-        if self.checkpoint is not None and arguments.resume:
-            before = self.checkpoint.read()
+        self.checkpoint, before = open_checkpoint(
+            job.checkpoint, arguments.resume, arguments.checkpoint_seconds
+        )
         with display_reading(arguments.progress, arguments.verbosity < 0) as reading:
             scene = load(asked.stage, progress=reading, **options)
         settings = merged(scene.settings, asked.settings)

@@ -29,7 +29,9 @@ logger = logging.getLogger("usdmlt")
 SECONDS_PER_BYTE = 4e-8
 LEAST_SECONDS, MOST_SECONDS = 1.0, 60.0
 SMALLEST_LEASE = 1 / 8  # of that, towards the end
-FIRST_LEASES = 256  # per worker, would the whole render be made of such
+# Of the first of a worker, whose speed is not known: samples or mutations by thread, and how many
+# such there should be by worker at least.
+FIRST_SAMPLES, FIRST_LEASES = 2.0**19, 64
 TASKS_AHEAD = 2  # per worker: one to render, one to go on with
 # Of the time that is expected, before another worker tries the same.
 SLOW, SLOW_SECONDS = 3.0, 2.0
@@ -223,8 +225,13 @@ class Picture:
         workers = max(len(self._crew.ready), 1)
         rate = self._rate(member.address)
         if rate is None:
-            return max(count([self.range]) // (FIRST_LEASES * workers), 1)
+            samples = FIRST_SAMPLES * member.threads / max(self.rendering.samples_per_unit, 1.0)
+            most = count([self.range]) / (FIRST_LEASES * workers)
+            return max(int(min(samples, most)), 1)
         seconds = min(max(self._bytes * SECONDS_PER_BYTE, LEAST_SECONDS), MOST_SECONDS)
+        limit = self.rendering.settings.time
+        if limit is not None and self._started is not None:
+            seconds = min(seconds, max(self._started + limit - perf_counter(), 0.0))
         share = max(self._ledger.pending / (2 * workers), rate * seconds * SMALLEST_LEASE)
         return max(round(min(rate * seconds, share)), 1)
 

@@ -38,14 +38,6 @@ def pictures(
         yield from loop.finished()
 
 
-def render(client: Client, picture: Picture, stop: Callable[[], bool] | None = None) -> None:
-    """Render one picture; :class:`usdmlt.Error` where that fails, and it has what was done."""
-    for _ in pictures(client, [picture], stop):
-        pass
-    if picture.failure is not None:
-        raise picture.failure
-
-
 class _Loop:
     def __init__(
         self,
