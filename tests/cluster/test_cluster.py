@@ -188,7 +188,7 @@ def test_a_time_limit_ends_a_render_on_a_cluster(cluster, plan) -> None:
 def test_a_target_error_ends_a_render_where_it_would_end_here(cluster, plan) -> None:
     cluster.add("a")
     cluster.add("b")
-    there, here = (plan(samples=None, target_error=0.03) for _ in range(2))
+    there, here = (plan(samples=None, target_error=0.08) for _ in range(2))
     with cluster.client(2) as client:
         on_cluster.render(client, there)
     here.run()
@@ -267,9 +267,51 @@ def test_a_worker_that_gives_other_bits_is_refused_and_the_others_render(
     assert "is not used: its pilots measured something else" in caplog.text
 
 
-def test_an_address_that_does_not_answer_is_an_error() -> None:
+OUT_OF_MEMORY = """
+import usdmlt.rendering as r
+render, left = r.Rendering.render_alone, [{count}]
+def fail(*arguments):
+    left[0] -= 1
+    if left[0] < 0:
+        raise MemoryError
+    return render(*arguments)
+r.Rendering.render_alone = fail
+"""
+
+
+def test_a_worker_that_is_out_of_memory_gets_no_more_and_nothing_is_lost(
+    cluster, plan, tmp_path, caplog
+) -> None:
+    text = OUT_OF_MEMORY.format(count=3)
+    cluster.add("small", path=package(tmp_path, "sitecustomize.py", text))
+    cluster.add("large")
+    there, here = plan(samples=300), plan(samples=300)
+    with cluster.client(2) as client:
+        on_cluster.render(client, there)
+    here.run()
+    assert_same(there, here)
+    assert "is not used: it is out of memory" in caplog.text
+
+
+def test_where_all_workers_are_out_of_memory_what_was_done_is_kept(cluster, plan, tmp_path) -> None:
+    text = OUT_OF_MEMORY.format(count=3)
+    cluster.add("small", path=package(tmp_path, "sitecustomize.py", text))
+    there = plan(samples=300)
+    with (
+        cluster.client(1) as client,
+        pytest.raises(Error, match=r"no worker can be used: of tcp://.*, it is out of memory"),
+    ):
+        on_cluster.render(client, there)
+    assert 0 < there.units_done < there.units_total
+    here = plan(samples=300)
+    here.run(until=there.units_done)
+    assert_same(there, here)
+
+
+def test_an_address_that_does_not_answer_is_an_error(monkeypatch) -> None:
     from usdmlt.cluster import connection
 
+    monkeypatch.setattr(connection, "SECONDS_TO_CONNECT", 1.0)
     with (
         pytest.raises(Error, match=r"no scheduler of Dask answers at tcp://127\.0\.0\.1:9"),
         connection.connected("tcp://127.0.0.1:9"),

@@ -101,10 +101,20 @@ def test_a_closed_ledger_leaves_no_gaps() -> None:
     for worker in "ab":
         ledger.lease(3, 0.0).attempts[worker] = object()
     ledger.lose("a")
-    ledger.close()
+    ledger.close(0)
     assert ledger.pending == 3
     assert ledger.lease(9, 0.0).units == (0, 3)
     assert gaps((0, 6), units_in(ledger)) == []
+
+
+def test_what_nobody_has_begun_with_is_not_waited_for() -> None:
+    ledger = Ledger([(4, 20)])
+    first, second = ledger.lease(3, 0.0), ledger.lease(3, 0.0)
+    first.attempts["a"] = second.attempts["a"] = object()
+    ledger.withdraw(second)
+    ledger.close(4)
+    assert ledger.pending == 0
+    assert units_in(ledger) == [(4, 7)]
 
 
 def test_an_answer_that_came_first_takes_the_others_rights() -> None:

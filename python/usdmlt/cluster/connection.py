@@ -25,13 +25,23 @@ def connected(address: str) -> Iterator[Client]:
     :class:`usdmlt.Error` where none answers.
     """
     _quiet()
-    from distributed import Client
+    from distributed import Client, Security
+    from distributed.comm.addressing import parse_address, parse_host_port
+    from distributed.comm.registry import get_backend
 
     try:
+        scheme, location = parse_address(address)
+        get_backend(scheme)
+        parse_host_port(location)
+        Security().get_connection_args("client")
+        if scheme == "tls" and not Security().tls_client_cert:
+            raise ValueError("Dask's configuration has no certificates for tls://")
+    except (OSError, ValueError, TypeError, ImportError) as error:
+        raise Error(f"no scheduler of Dask is at {address}: {error}") from error
+    try:
         client = Client(address, timeout=SECONDS_TO_CONNECT, set_as_default=False)
-    except (OSError, ValueError, TypeError, RuntimeError) as error:
-        reason = f" ({error})" if isinstance(error, (TypeError, ValueError, RuntimeError)) else ""
-        raise Error(f"no scheduler of Dask answers at {address}{reason}") from error
+    except OSError as error:
+        raise Error(f"no scheduler of Dask answers at {address}") from error
     try:
         yield client
     finally:

@@ -45,7 +45,6 @@ class Ledger:
         self._pending: list[tuple[Range, int]] = [(range, 0) for range in joined(ranges)]
         self.leases: set[Lease] = set()
         self.sums: set[Sum] = set()
-        self.handed_out = 0  # all below were, once
 
     @property
     def pending(self) -> int:
@@ -63,7 +62,6 @@ class Ledger:
         end = min(last, first + max(count, 1))
         if end < last:
             self._pending.insert(0, ((end, last), losses))
-        self.handed_out = max(self.handed_out, end)
         lease = Lease((first, end), now, losses)
         self.leases.add(lease)
         return lease
@@ -72,12 +70,22 @@ class Ledger:
         """Further units, which were not in it."""
         self._pending = sorted([*self._pending, *((range, 0) for range in ranges)])
 
-    def close(self) -> None:
-        """Hand out no more than what is needed for the units handed out to have no gaps."""
+    def withdraw(self, lease: Lease) -> None:
+        """Units that nobody has begun with are handed out no more, or to others."""
+        self.leases.discard(lease)
+        lease.attempts.clear()
+        self._return([lease.units], lease.losses)
+
+    def close(self, collected: int) -> None:
+        """Hand out no more than what is needed for the units that are done or begun to have no
+        gaps; ``collected``: one beyond the last unit that is in the client's film."""
+        ends = [lease.units[1] for lease in self.leases]
+        ends += [last for item in self.sums for _, last in item.units]
+        end = max([*ends, collected])
         self._pending = [
-            ((first, min(last, self.handed_out)), losses)
+            ((first, min(last, end)), losses)
             for (first, last), losses in self._pending
-            if first < self.handed_out
+            if first < end
         ]
 
     def settle(self, lease: Lease, worker: str, age: int) -> Sum:

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 logger = logging.getLogger("usdmlt")
 
 # Of a lease: so long that clearing, copying and adding its film is a small part of it.
-SECONDS_PER_BYTE = 4e-8
-LEAST_SECONDS, MOST_SECONDS = 1.0, 60.0
+SECONDS_PER_BYTE = 1e-7
+LEAST_SECONDS, MOST_SECONDS = 1.0, 120.0
 SMALLEST_LEASE = 1 / 8  # of that, towards the end
 # Of the first of a worker, whose speed is not known: samples or mutations by thread, and how many
 # such there should be by worker at least.
@@ -36,6 +36,7 @@ TASKS_AHEAD = 2  # per worker: one to render, one to go on with
 # Of the time that is expected, before another worker tries the same.
 SLOW, SLOW_SECONDS = 3.0, 2.0
 COLLECTING_SHARE = 0.05  # of the time, at most, for what is looked at in between
+COLLECTED_EVERY = 600.0  # seconds, at least: what is here is not lost with workers
 GATHER_SECONDS, GATHER_BYTES_PER_SECOND = 30.0, 1e7
 
 
@@ -102,10 +103,19 @@ class Picture:
         return self._ledger.pending
 
     def close(self) -> None:
-        """Hand out no more; what is handed out is finished."""
-        if not self._closed:
-            self._closed = True
-            self._ledger.close()
+        """Hand out no more; what has begun is finished."""
+        if self._closed:
+            return
+        self._closed = True
+        for member in self._crew.members.values():
+            for lease in member.tasks[1:]:
+                attempt = lease.attempts.get(member.address)
+                if lease in self._ledger.leases and len(lease.attempts) == 1:
+                    self._ledger.withdraw(lease)
+                    self._cancel([attempt])
+            member.tasks = [lease for lease in member.tasks if lease.attempts]
+        units = self.rendering.units
+        self._ledger.close(units[-1][1] if units else 0)
 
     def give(self, member: Member) -> None:
         """Hand out the next units to a worker."""
@@ -142,7 +152,7 @@ class Picture:
         if self.finished:
             return
         if self.failure:
-            self._rescue()
+            self.rescue()
             self.finished = True
             return
         limit = self.rendering.settings.time
@@ -214,7 +224,7 @@ class Picture:
         if isinstance(error, Error):
             self.failure = error
         elif isinstance(error, MemoryError):
-            logger.warning("worker %s is out of memory: its units are rendered again", address)
+            self._crew.refuse(address, "it is out of memory")  # its sums are still there
         else:
             self._crew.refuse(address, str(error) or type(error).__name__)
             self.lose(address)
@@ -255,7 +265,8 @@ class Picture:
         now = perf_counter()
         if now - self._collected < self._collecting_took / COLLECTING_SHARE:
             return False
-        is_due = self._checkpoint is not None and self._checkpoint.wait(now) <= 0
+        is_due = now - self._collected >= COLLECTED_EVERY
+        is_due |= self._checkpoint is not None and self._checkpoint.wait(now) <= 0
         return is_due or any(preview.wait(now) <= 0 for preview in self._previews)
 
     def _add_up(self) -> None:
@@ -331,8 +342,8 @@ class Picture:
             self._checkpoint.update(self.rendering)
         self.rendering.show(self._previews)
 
-    def _rescue(self) -> None:
-        """Keep what is whole, after a failure."""
+    def rescue(self) -> None:
+        """Keep what is whole on workers, after a failure."""
         for item in list(self._ledger.sums):
             for part in item.of or (item,):
                 if part.future.done() and part.future.status == "finished":

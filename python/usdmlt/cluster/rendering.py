@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from usdmlt.cluster.crew import SECONDS_OF_PATIENCE, Crew, Member
 from usdmlt.cluster.picture import TASKS_AHEAD, Picture
 from usdmlt.cluster.shipping import Shipment
+from usdmlt.errors import Error
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -65,7 +66,7 @@ class _Loop:
         if not self._open and not self._begin_next():
             return False
         assert self._crew is not None
-        for address in self._crew.look():
+        for address in self._look(self._crew):
             for picture in self._open:
                 picture.lose(address)
         for member in self._crew.ready:
@@ -81,6 +82,15 @@ class _Loop:
         done = [picture for picture in self._open if picture.finished]
         self._open = [picture for picture in self._open if not picture.finished]
         return done
+
+    def _look(self, crew: Crew) -> list[str]:
+        try:
+            return crew.look()
+        except Error:
+            if self._client.status == "running":
+                for picture in self._open:
+                    picture.rescue()
+            raise
 
     def _begin_next(self) -> bool:
         picture = None if self._all_begun else next(self._wanted, None)
