@@ -9,15 +9,19 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
-pytest.importorskip("distributed")
-
-from distributed import Client
-
 import usdmlt
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+if find_spec("distributed") is None:
+    collect_ignore = ["test_cluster.py", "test_cli_cluster.py"]
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -70,6 +74,8 @@ class Cluster:
 
     @contextlib.contextmanager
     def client(self, workers: int) -> Iterator[Client]:
+        from distributed import Client
+
         with Client(self.address, timeout=30, set_as_default=False) as client:
             client.wait_for_workers(workers, timeout=60)
             yield client
