@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import math
 import os
+import shutil
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -73,6 +74,8 @@ class Checkpoint:
         """What the file has; None where there is none yet. :class:`usdmlt.Error` where it is
         damaged, or something else."""
         if not self.path.exists():
+            if self.previous.exists():
+                raise Error(f"{self.path} is not there, but {self.previous} is: give it that name")
             logger.info("%s is not there yet: nothing to resume", self.path)
             return None
         try:
@@ -127,7 +130,10 @@ class Checkpoint:
             previous = path.with_name(self.previous.name)
             second_name = path.with_name(f".{previous.name}")
             second_name.unlink(missing_ok=True)
-            os.link(path, second_name)
+            try:
+                os.link(path, second_name)
+            except OSError:  # there are file systems without links
+                shutil.copyfile(path, second_name)
             os.replace(second_name, previous)
 
 

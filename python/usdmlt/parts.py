@@ -107,10 +107,13 @@ def write(
 ) -> None:
     """Write a part, whole or not at all, and onto the disk; :class:`usdmlt.Error` otherwise.
 
+    ``compression``: as of :class:`usdmlt.exr.Format`; "zip" takes the place of those with losses.
     ``before`` is called with the path just before the file there is replaced.
     """
     image = part.image
-    pictures = exr.parts(image, exr.Format(compression=compression, pixel_type="float"))
+    if exr.Format(compression).lossy:
+        compression = "zip"
+    pictures = exr.parts(image, exr.Format(compression, pixel_type="float"))
     header = {
         "format": FORMAT,
         "fingerprint": part.fingerprint,

@@ -284,6 +284,32 @@ def test_a_checkpoint_that_cannot_be_written_is_a_warning_and_the_render_goes_on
     assert parts.read(tmp_path / "c.exr").state.units == [(0, 2000)]
 
 
+def test_the_previous_checkpoint_is_kept_where_there_are_no_links(
+    rendering, tmp_path, monkeypatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError("no links here")
+
+    monkeypatch.setattr(os, "link", refuse)
+    checkpoint = Checkpoint(tmp_path / "c.exr")
+    for until in (2, 5):
+        rendering.run(until=until)
+        checkpoint.write(rendering)
+    read = [parts.read(path).state.units for path in (checkpoint.previous, checkpoint.path)]
+    assert read == [[(0, 2)], [(0, 5)]]
+
+
+def test_a_checkpoint_of_which_only_the_previous_is_left_is_not_begun_anew(
+    rendering, tmp_path
+) -> None:
+    checkpoint = Checkpoint(tmp_path / "c.exr")
+    rendering.run(until=2)
+    checkpoint.write(rendering)
+    os.replace(checkpoint.path, checkpoint.previous)
+    with pytest.raises(Error, match=r"c\.exr is not there, but .*c\.previous\.exr is"):
+        checkpoint.read()
+
+
 def test_large_films_are_written_less_often(rendering, tmp_path, monkeypatch) -> None:
     """Less than a hundredth of the time, unless told how often."""
     clock = [0.0]

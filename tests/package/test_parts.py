@@ -41,7 +41,7 @@ def with_numbers(part: parts.RenderPart) -> parts.RenderPart:
     return parts.RenderPart(**{**vars(part), "state": parts.State(sums, part.state.saved)})
 
 
-@pytest.mark.parametrize("compression", ["none", "zip"])
+@pytest.mark.parametrize("compression", ["none", "zip", "piz", "dwaa:100"])
 def test_the_integers_come_back_bit_by_bit(rendering, tmp_path, compression) -> None:
     part = with_numbers(rendering.part())
     assert set(part.state.sums) == {

@@ -271,23 +271,20 @@ class Picture:
 
     def _add_up(self) -> None:
         """Pairs of sums on one worker are added there; when collecting, those of two workers
-        too."""
+        too, once each has one."""
+        holders = [x.worker for x in self._ledger.sums if x.age < self._age and not x.of]
+        one_each = len(set(holders)) == len(holders)
         there: dict[Any, Sum] = {}
         for item in sorted(self._ledger.sums, key=lambda item: item.units):
             if item.of:
                 continue
             old = item.age < self._age
-            place = "all" if old and self._ledger_is_local() else (item.worker, old)
+            place = "all" if old and one_each else (item.worker, old)
             other = there.pop(place, None)
             if other is None:
                 there[place] = item
             else:
                 self._add(other, item)
-
-    def _ledger_is_local(self) -> bool:
-        """Whether each worker has one sum at most that is collected: then workers' are added."""
-        old = [item.worker for item in self._ledger.sums if item.age < self._age and not item.of]
-        return len(set(old)) == len(old)
 
     def _add(self, a: Sum, b: Sum) -> None:
         from usdmlt.cluster.worker import add
