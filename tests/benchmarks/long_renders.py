@@ -31,11 +31,11 @@ THREADS = 2
 
 
 def samples_for(scene: usdmlt.Scene, integrator: str, seconds: float) -> int:
-    """Samples per pixel that take so long with both threads."""
+    """Samples per pixel that take so long with both threads, where they have a processor each."""
     probe = usdmlt.Rendering(scene, settings(integrator, 2**20, time=max(seconds / 10, 2.0)))
     probe.run()
     stats = probe.stats()
-    return max(int(stats["samples_per_pixel"] * seconds / stats["seconds"]), 1)
+    return max(int(stats["samples_per_pixel"] * seconds * THREADS / stats["cpu_seconds"]), 1)
 
 
 def settings(integrator: str, samples: int, **more: object) -> usdmlt.Settings:
