@@ -53,10 +53,12 @@ def local(workers: int, threads: int | None) -> Iterator[Client]:
     """A client of so many worker processes on this machine, which share ``threads``; they listen
     on the loopback only and end with the block."""
     _quiet()
+    import dask
     from distributed import Client, LocalCluster
 
     each = max((threads or available_processors()) // workers, 1)
-    with _interrupts_ignored():
+    # Profiles of what workers do, of Dask, would show one call and cost a hundredth of the time.
+    with _interrupts_ignored(), dask.config.set({"distributed.worker.profile.enabled": False}):
         cluster = LocalCluster(
             n_workers=workers,
             threads_per_worker=each,

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 logger = logging.getLogger("usdmlt")
 
 # Of a lease: so long that clearing, copying and adding its film is a small part of it.
-SECONDS_PER_BYTE = 1e-7
+SECONDS_PER_BYTE = 1.6e-7
 LEAST_SECONDS, MOST_SECONDS = 1.0, 120.0
-SMALLEST_LEASE = 1 / 8  # of that, towards the end
+SMALLEST_LEASE = 1 / 6  # of that, towards the end
 # Of the first of a worker, whose speed is not known: samples or mutations by thread, and how many
 # such there should be by worker at least.
 FIRST_SAMPLES, FIRST_LEASES = 2.0**19, 64
