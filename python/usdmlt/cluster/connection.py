@@ -64,8 +64,8 @@ def local(workers: int, threads: int | None) -> Iterator[Client]:
             threads_per_worker=each,
             processes=True,
             host="127.0.0.1",
-            dashboard_address=None,
-            worker_dashboard_address=None,
+            dashboard_address="127.0.0.1:0",
+            worker_dashboard_address="127.0.0.1:0",
         )
     with cluster, Client(cluster, set_as_default=False) as client:
         yield client
