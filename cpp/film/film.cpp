@@ -64,6 +64,32 @@ void Film::develop_layer(int layer, float* rgb, double splats_per_pixel, double 
     }
 }
 
+std::vector<Film::Plane> Film::planes() {
+    const auto w = size_t(width_), h = size_t(height_), n = size_t(layers_);
+    std::vector<Plane> planes{{"samples", &samples_, {h, w, 5}}};
+    if (!splats_.empty()) planes.push_back({"splats", &splats_, {h, w, 3}});
+    if (!squares_.empty()) planes.push_back({"squares", &squares_, {h, w}});
+    if (!batch_sums_.empty()) planes.push_back({"batches", &batch_sums_, {batches, h, w}});
+    if (!layer_samples_.empty()) planes.push_back({"layer_samples", &layer_samples_, {h, w, n, 3}});
+    if (!layer_splats_.empty()) planes.push_back({"layer_splats", &layer_splats_, {h, w, n, 3}});
+    return planes;
+}
+
+void Film::add_sums(const Plane& plane, const int64_t* sums) {
+    for (int64_t& sum : *plane.sums) {
+        const int64_t other = *sums++;
+        if (std::fabs(double(sum) + double(other)) >= limit)
+            ++overflows_;
+        else
+            sum += other;
+    }
+}
+
+void Film::clear() {
+    for (const Plane& plane : planes()) std::ranges::fill(*plane.sums, 0);
+    overflows_ = 0;
+}
+
 int64_t Film::sample_count() const {
     int64_t n = 0;
     for (size_t i = 4; i < samples_.size(); i += 5) n += samples_[i];

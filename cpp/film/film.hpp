@@ -16,6 +16,7 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "base/spectrum.hpp"
@@ -93,6 +94,19 @@ public:
     // independent, and of the batches of splats; share[b] is the part of all splats in batch b.
     void develop_error(float* error, double splats_per_pixel, const double share[batches],
                        double exposure) const;
+
+    // All sums, to be stored and added again: by name, and as arrays of these dimensions. Not to be
+    // touched while units are running.
+    struct Plane {
+        std::string name;
+        std::vector<int64_t>* sums;
+        std::vector<size_t> shape;
+    };
+    std::vector<Plane> planes();
+    // Adds sums of the same size to one of planes(), and what another film counted to overflows().
+    void add_sums(const Plane& plane, const int64_t* sums);
+    void add_overflows(uint64_t count) { overflows_ += count; }
+    void clear();
 
     // Deposits that did not fit; the picture is then wrong and the user is told.
     uint64_t overflows() const { return overflows_.load(); }

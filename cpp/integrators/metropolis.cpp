@@ -1,5 +1,6 @@
 #include "integrators/metropolis.hpp"
 
+#include <bit>
 #include <cmath>
 
 namespace usdmlt {
@@ -228,6 +229,17 @@ void MetropolisPlan::shorten(double work_per_pixel) {
     chains = std::clamp(static_cast<int>((wanted - samples) / steps),
                         std::max(static_cast<int>(chains * least_chains_kept), 1), chains);
     work = double(mutations_per_unit()) + samples;
+}
+
+uint64_t MetropolisPlan::digest() const {
+    uint64_t key = hash_key(uint64_t(direct_separately), pilot_rays);
+    for (const int n : {chains, steps, direct_samples}) key = hash_key(key, uint64_t(n));
+    std::vector<double> numbers = mutation_weights;
+    numbers.insert(numbers.end(),
+                   {work, pixels.samples_per_pixel(), split.c_squared, split.continuation,
+                    relative_error, others.path, others.bidirectional});
+    for (const double x : numbers) key = hash_key(key, std::bit_cast<uint64_t>(x));
+    return key;
 }
 
 MetropolisScratch::MetropolisScratch(const Scene& scene, const MetropolisPlan& plan)

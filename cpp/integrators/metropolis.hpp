@@ -29,6 +29,8 @@ struct MetropolisPlan {
     // Leaves chains out where the units of one pass over the pixels would be more than so much work
     // per pixel.
     void shorten(double work_per_pixel);
+    // A number that tells plans apart, down to the last bit of what the pilot measured.
+    uint64_t digest() const;
     // Bounds of the chains' paths; chains that have none do nothing.
     bool has_chains() const { return paths.min_edges <= paths.depth; }
 

@@ -44,6 +44,50 @@ public:
             [&](uint64_t key, double energy) { energy_[key] += std::llrint(energy * scale); });
     }
 
+    // As integers, to be stored and added again. `sums`: of all chains, and five of each mutation.
+    struct Saved {
+        std::vector<int64_t> sums;
+        uint64_t longest_rejection = 0;
+        std::vector<std::pair<uint64_t, int64_t>> energy;  // by class of path
+    };
+    Saved saved() const {
+        Saved out{{int64_t(units), int64_t(bootstrap_samples), int64_t(bootstrap_rays), b_,
+                   b_squares_, int64_t(chains.steps), int64_t(chains.non_finite)},
+                  chains.longest_rejection,
+                  {energy_.begin(), energy_.end()}};
+        for (const MutationCounts& m : chains.mutations)
+            for (const uint64_t n : {m.applicable, m.proposed, m.made, m.accepted, m.acceptance})
+                out.sums.push_back(int64_t(n));
+        return out;
+    }
+    bool add(const Saved& saved) {
+        if (saved.sums.size() != 7 + 5 * chains.mutations.size()) return false;
+        const int64_t* n = saved.sums.data();
+        units += uint64_t(n[0]);
+        bootstrap_samples += uint64_t(n[1]);
+        bootstrap_rays += uint64_t(n[2]);
+        b_ += n[3];
+        b_squares_ += n[4];
+        ChainCounts other(static_cast<int>(chains.mutations.size()));
+        other.steps = uint64_t(n[5]);
+        other.non_finite = uint64_t(n[6]);
+        other.longest_rejection = saved.longest_rejection;
+        n += 7;
+        for (MutationCounts& m : other.mutations) {
+            m = {uint64_t(n[0]), uint64_t(n[1]), uint64_t(n[2]), uint64_t(n[3]), uint64_t(n[4])};
+            n += 5;
+        }
+        chains.add(other);
+        for (const auto& [key, energy] : saved.energy) energy_[key] += energy;
+        return true;
+    }
+    void clear() {
+        units = bootstrap_samples = bootstrap_rays = 0;
+        b_ = b_squares_ = 0;
+        chains.reset();
+        energy_.clear();
+    }
+
     // b, its standard error from the spread between units, and the relative spread of one unit.
     double b(double scale) const { return units > 0 ? double(b_) / scale / double(units) : 0; }
     double b_error(double scale) const {

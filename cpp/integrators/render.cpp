@@ -1,16 +1,17 @@
 #include "integrators/render.hpp"
 
+#include <bit>
 #include <chrono>
 #include <ctime>
+#include <stdexcept>
 
 #include "base/floating_point.hpp"
 
 namespace usdmlt {
 namespace {
 
-// The film's fixed-point scale: a power of two that puts the mean radiance of camera samples near
-// 2^26, which leaves 2^36 such samples of headroom and a resolution of 1e-8 of the mean.
-double film_scale(const Scene& scene, const Settings& settings) {
+// Of the radiance of some camera samples.
+double mean_radiance(const Scene& scene, const Settings& settings) {
     constexpr int pilot_samples = 4096;
     const FlushDenormals flush;
     PathTracerScratch scratch;
@@ -27,7 +28,12 @@ double film_scale(const Scene& scene, const Settings& settings) {
                        scratch, statistics, alpha);
         sum += max_component(value);
     }
-    const double mean = sum / pilot_samples;
+    return sum / pilot_samples;
+}
+
+// The film's fixed-point scale: a power of two that puts the mean radiance of camera samples near
+// 2^26, which leaves 2^36 such samples of headroom and a resolution of 1e-8 of the mean.
+double film_scale(double mean) {
     return mean > 1e-30 ? std::exp2(std::clamp(26 - std::ceil(std::log2(mean)), -60.0, 60.0))
                         : 0x1p26;
 }
@@ -55,6 +61,11 @@ std::unique_ptr<const MetropolisPlan> again(const MetropolisPlan* plan, uint64_t
     copy->paths.seed = copy->direct.seed = seed;
     copy->shorten(samples);
     return copy;
+}
+
+// Units, or of tiles passes, go to the batches in turn.
+Development development_of(const MetropolisPlan* plan, const Tiles& tiles, const Scene& scene) {
+    return {plan ? plan->mutations_per_unit() : 0, plan ? 1 : tiles.count(), scene.exposure};
 }
 
 // Memory of one rendering thread.
@@ -104,9 +115,11 @@ Render::Render(std::shared_ptr<const Scene> scene, const Settings& settings)
       metropolis_(settings_.integrator == IntegratorKind::metropolis
                       ? std::make_unique<MetropolisPlan>(*scene_, settings_)
                       : nullptr),
-      film_(tiles_.width, tiles_.height, film_scale(*scene_, settings_),
+      pilot_mean_(mean_radiance(*scene_, settings_)),
+      film_(tiles_.width, tiles_.height, film_scale(pilot_mean_),
             settings_.integrator != IntegratorKind::path, settings_.error_layer,
             settings_.layers ? settings_.layers->layers : 0),
+      development_(development_of(metropolis_.get(), tiles_, *scene_)),
       statistics_(settings_.depth) {}
 
 Render::Render(const Render& other, uint64_t seed, int samples)
@@ -114,7 +127,9 @@ Render::Render(const Render& other, uint64_t seed, int samples)
       settings_(other.settings_),
       tiles_(other.tiles_),
       metropolis_(again(other.metropolis_.get(), seed, samples)),
+      pilot_mean_(other.pilot_mean_),
       film_(tiles_.width, tiles_.height, other.film_.scale(), other.film_.has_splats(), false),
+      development_(development_of(metropolis_.get(), tiles_, *scene_)),
       statistics_(settings_.depth) {
     settings_.seed = seed;
     settings_.samples = samples;
@@ -131,36 +146,56 @@ int64_t Render::units_total() const {
         metropolis_->pixels.units_per_pass());
 }
 
-double Render::splats_per_pixel() const {
-    const double pixels = double(film_.width()) * film_.height();
-    return metropolis_ ? double(done_) * double(metropolis_->mutations_per_unit()) / pixels
-                       : double(film_.sample_count()) / pixels;
-}
-
-void Render::develop(float* rgba) const {
-    film_.develop(rgba, splats_per_pixel(), scene_->exposure);
-}
+void Render::develop(float* rgba) const { development_.picture(film_, done_, rgba); }
 
 void Render::develop_layer(int layer, float* rgb) const {
-    film_.develop_layer(layer, rgb, splats_per_pixel(), scene_->exposure);
+    development_.layer(film_, done_, layer, rgb);
 }
 
-void Render::develop_error(float* error) const {
-    // Units, or for tiles passes, go to the batches in turn.
-    double share[Film::batches] = {};
-    const int64_t in_turn = metropolis_ ? 1 : tiles_.count();
-    for (int b = 0; b < Film::batches; ++b) {
-        const int64_t cycle = Film::batches * in_turn, rest = done_ % cycle - b * in_turn;
-        const int64_t units = done_ / cycle * in_turn + std::clamp(rest, int64_t(0), in_turn);
-        share[b] = done_ > 0 ? double(units) / double(done_) : 0;
+void Render::develop_error(float* error) const { development_.error(film_, done_, error); }
+
+uint64_t Render::plan_digest() const {
+    uint64_t key = hash_key(std::bit_cast<uint64_t>(pilot_mean_), uint64_t(settings_.integrator));
+    if (metropolis_) key = hash_key(key, metropolis_->digest());
+    return key;
+}
+
+Render::Saved Render::saved() const {
+    Saved saved{done_.ranges(), statistics_.saved(), {}, film_.overflows(), seconds_, cpu_seconds_};
+    if (metropolis_) saved.metropolis = metropolis_statistics_.saved();
+    return saved;
+}
+
+void Render::add(const Saved& saved) {
+    UnitSet done = done_;
+    for (const UnitSet::Range& range : saved.units) {
+        if (range.first < 0 || range.first >= range.second)
+            throw std::invalid_argument("no range of units");
+        if (done.overlaps(range)) throw std::invalid_argument("units are done already");
+        done.add(range);
     }
-    film_.develop_error(error, splats_per_pixel(), share, scene_->exposure);
+    if (!statistics_.add(saved.statistics) ||
+        (metropolis_ && !metropolis_statistics_.add(saved.metropolis)))
+        throw std::invalid_argument("statistics of another plan");
+    done_ = done;
+    film_.add_overflows(saved.overflows);
+    seconds_ += saved.seconds;
+    cpu_seconds_ += saved.cpu_seconds;
 }
 
-int64_t Render::run(int64_t last, const RunLimits& limits) {
+void Render::clear() {
+    film_.clear();
+    statistics_.clear();
+    metropolis_statistics_.clear();
+    done_ = {};
+    seconds_ = cpu_seconds_ = 0;
+}
+
+int64_t Render::run(int64_t first, int64_t last, const RunLimits& limits) {
+    if (done_.overlaps({first, last})) throw std::invalid_argument("units are done already");
     const auto start = std::chrono::steady_clock::now();
     std::vector<std::unique_ptr<ThreadState>> threads(static_cast<size_t>(limits.threads));
-    done_ = run_units(done_, last, limits, [&](int64_t index, int thread) {
+    const int64_t end = run_units(first, last, limits, [&](int64_t index, int thread) {
         auto& state = threads[static_cast<size_t>(thread)];
         if (!state) state = std::make_unique<ThreadState>(*scene_, settings_, metropolis_.get());
         const double cpu = thread_cpu_seconds();
@@ -174,7 +209,8 @@ int64_t Render::run(int64_t last, const RunLimits& limits) {
     for (const auto& state : threads)
         if (state) cpu_seconds_ += state->cpu_seconds;
     seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    return done_;
+    done_.add({first, end});
+    return end;
 }
 
 RayRecorder Render::record_rays(size_t count) const {

@@ -40,6 +40,26 @@ public:
         for (size_t k = 0; k < energy_.size(); ++k)
             energy_[k] += static_cast<int64_t>(std::llrint(unit.energy[k] * scale));
     }
+    // As integers, to be stored and added again to statistics of the same depth.
+    std::vector<int64_t> saved() const {
+        std::vector<int64_t> out{int64_t(closest_), int64_t(shadow_), int64_t(samples_),
+                                 int64_t(non_finite_)};
+        for (const auto& e : energy_) out.push_back(e);
+        return out;
+    }
+    bool add(const std::vector<int64_t>& saved) {
+        if (saved.size() != 4 + energy_.size()) return false;
+        closest_ += uint64_t(saved[0]);
+        shadow_ += uint64_t(saved[1]);
+        samples_ += uint64_t(saved[2]);
+        non_finite_ += uint64_t(saved[3]);
+        for (size_t k = 0; k < energy_.size(); ++k) energy_[k] += saved[4 + k];
+        return true;
+    }
+    void clear() {
+        closest_ = shadow_ = samples_ = non_finite_ = 0;
+        for (auto& e : energy_) e = 0;
+    }
     uint64_t closest() const { return closest_; }
     uint64_t shadow() const { return shadow_; }
     uint64_t samples() const { return samples_; }  // of the camera

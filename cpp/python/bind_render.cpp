@@ -60,19 +60,47 @@ Settings make_settings(const std::string& integrator, int samples, int depth, ui
 }
 
 int64_t run(Render& render, int64_t last_unit, int threads, std::optional<double> deadline_seconds,
-            const std::optional<py::function>& poll) {
+            const std::optional<py::function>& poll, std::optional<int64_t> first_unit) {
     RunLimits limits;
     limits.threads = std::max(threads, 1);
     limits.seconds = deadline_seconds ? std::max(*deadline_seconds, 1e-9) : 0;
     Poll polling(poll);
     const int64_t before = render.units_done();
+    const int64_t first = first_unit.value_or(render.units().prefix());
+    if (first < 0) throw std::invalid_argument("there is no such unit");
+    int64_t end = first;
     limits.poll = [&](int64_t started) { return polling(before + started); };
     {
         const py::gil_scoped_release release;
-        render.run(std::min(last_unit, render.units_total()), limits);
+        end = render.run(first, std::min(last_unit, render.units_total()), limits);
     }
     polling.raise();
-    return render.units_done();
+    return end;
+}
+
+py::dict saved(const Render& render) {
+    const Render::Saved saved = render.saved();
+    py::dict out;
+    out["units"] = saved.units;
+    out["statistics"] = saved.statistics;
+    out["metropolis"] = saved.metropolis.sums;
+    out["path_classes"] = saved.metropolis.energy;
+    out["longest_rejection"] = saved.metropolis.longest_rejection;
+    out["overflows"] = saved.overflows;
+    out["seconds"] = saved.seconds;
+    out["cpu_seconds"] = saved.cpu_seconds;
+    return out;
+}
+
+void add_saved(Render& render, const py::dict& saved) {
+    render.add({saved["units"].cast<std::vector<UnitSet::Range>>(),
+                saved["statistics"].cast<std::vector<int64_t>>(),
+                {saved["metropolis"].cast<std::vector<int64_t>>(),
+                 saved["longest_rejection"].cast<uint64_t>(),
+                 saved["path_classes"].cast<std::vector<std::pair<uint64_t, int64_t>>>()},
+                saved["overflows"].cast<uint64_t>(),
+                saved["seconds"].cast<double>(),
+                saved["cpu_seconds"].cast<double>()});
 }
 
 py::array_t<float> image(const Render& render) {
@@ -108,14 +136,6 @@ py::array_t<int64_t> sums(const Render& render, int index) {
             data[i * 3 + size_t(c)] = film.sample_sum(i, c, index);
             data[(pixels + i) * 3 + size_t(c)] = film.splat_sum(i, c, index);
         }
-    return out;
-}
-
-py::array_t<uint32_t> sample_counts(const Render& render) {
-    const Film& film = render.film();
-    py::array_t<uint32_t> out({film.height(), film.width()});
-    for (size_t i = 0; i < size_t(out.size()); ++i)
-        out.mutable_data()[i] = static_cast<uint32_t>(film.sample_count(i));
     return out;
 }
 
@@ -238,12 +258,30 @@ void bind_render(py::module_& module) {
              py::arg("layers") = py::none())
         .def_property_readonly("units_total", &Render::units_total)
         .def_property_readonly("units_done", &Render::units_done)
+        .def_property_readonly(
+            "units", [](const Render& render) { return render.units().ranges(); },
+            "Which units are done: ranges (first, beyond the last), ascending.")
+        .def_property_readonly(
+            "film", [](Render& render) -> Film& { return render.film(); },
+            py::return_value_policy::reference_internal)
+        .def_property_readonly("development", &Render::development,
+                               py::return_value_policy::reference_internal)
+        .def_property_readonly("plan_digest", &Render::plan_digest,
+                               "A number that tells plans apart, as 64 bits.")
+        .def("saved", &saved, "Which units are done and what they counted, but for the film.")
+        .def("add_saved", &add_saved, py::arg("saved"),
+             "Adds what saved() of another render of the same plan returned; ValueError where "
+             "units are done already. The film's sums are added to the film.")
+        .def("clear", &Render::clear, "Back to the plan: no unit is done.")
         .def_property_readonly("samples_per_unit", &samples_per_unit,
                                "Samples, or mutations of mlt or their worth, on average.")
         .def("run", &run, py::arg("last_unit"), py::arg("threads") = 1,
              py::arg("deadline_seconds") = py::none(), py::arg("poll") = py::none(),
-             "Renders units [units_done, last_unit) and returns units_done. poll(units_started) is "
-             "called ten times a second; true, a signal or an exception stops handing out units, "
+             py::arg("first_unit") = py::none(),
+             "Renders units [first_unit, last_unit), none of which may be done, and returns n: "
+             "[first_unit, n) are done. Without first_unit it goes on from the units 0, 1 ... that "
+             "are done. poll(units_started) is called ten times a second; true, a signal or an "
+             "exception stops handing out units, "
              "and those that were started are finished.")
         .def(
             "again",
@@ -260,7 +298,6 @@ void bind_render(py::module_& module) {
         .def("sums", &sums, py::arg("layer") = -1,
              "The film's own sums of samples and of splats, (2, height, width, 3) int64, of a "
              "layer, or of the picture (-1).")
-        .def("sample_counts", &sample_counts, "Camera samples by pixel, (height, width) uint32.")
         .def("stats", &stats)
         .def(
             "replay_rays_per_cpu_second",

@@ -3,6 +3,7 @@
 #include <pybind11/stl.h>
 
 #include "python/bind_embree.hpp"
+#include "python/bind_film.hpp"
 #include "python/bind_layers.hpp"
 #include "python/bind_lights.hpp"
 #include "python/bind_materials.hpp"
@@ -70,6 +71,7 @@ PYBIND11_MODULE(_core, module) {
     usdmlt::bind_patterns(module);
     usdmlt::bind_mutations(module);
     usdmlt::bind_metropolis(module);
+    usdmlt::bind_film(module);
     usdmlt::bind_render(module);
     usdmlt::bind_layers(module);
 }

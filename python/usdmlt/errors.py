@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 log = logging.getLogger("usdmlt")
@@ -22,6 +23,12 @@ class UsageError(ValueError):
     """A value that makes no sense, such as an image of 0 pixels."""
 
 
+def named(names: Sequence[str]) -> str:
+    """The first few of them, and how many more there are."""
+    more = len(names) - PATHS_NAMED
+    return ", ".join(names[:PATHS_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
 @dataclass
 class Warning:
     """Content of one kind that is not rendered as authored, and the prims that have it."""
@@ -32,9 +39,7 @@ class Warning:
     def __str__(self) -> str:
         if not self.paths:
             return self.kind
-        named = ", ".join(self.paths[:PATHS_NAMED])
-        more = len(self.paths) - PATHS_NAMED
-        return f"{self.kind}: {named}" + (f" and {more} more" if more > 0 else "")
+        return f"{self.kind}: {named(self.paths)}"
 
 
 class Report:

@@ -29,6 +29,7 @@ HALF_MAX = 65504.0
 PixelType = Literal["half", "float"]
 STATISTICS_PART = "batches"  # of a reference picture: no layer
 FIRST_PART = "picture"
+SUMS_PREFIX = "film."  # of the parts of a part file (usdmlt.parts): no layers
 SHARED = ("chromaticities", "PixelAspectRatio", "framesPerSecond")  # of all parts of a file
 
 # Attributes that EXR and OpenImageIO define, by their names in Image.metadata; all others are
@@ -126,13 +127,13 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, npt.NDArray[Any]], str
 
 
 def merged(parts: Sequence[tuple[Any, Channels]]) -> Channels:
-    """Channels of all parts as large as the first but for statistics.
+    """Channels of all parts as large as the first but for statistics and sums.
 
     Those whose names an earlier part has go by the name of their part besides.
     """
     channels: Channels = {}
     for number, (spec, more) in enumerate(parts):
-        if _size(spec) == _size(parts[0][0]) and (not number or not _is_statistics(spec)):
+        if _size(spec) == _size(parts[0][0]) and (not number or not _is_no_layer(spec)):
             for name, pixels in more.items():
                 channels[f"{_part(spec, number)}.{name}" if name in channels else name] = pixels
     return channels
@@ -143,7 +144,7 @@ def of_other_sizes(parts: Sequence[tuple[Any, Channels]]) -> Channels:
     return {
         f"{_part(spec, number)}.{name}": pixels
         for number, (spec, more) in enumerate(parts)
-        if _size(spec) != _size(parts[0][0]) and not _is_statistics(spec)
+        if _size(spec) != _size(parts[0][0]) and not _is_no_layer(spec)
         for name, pixels in more.items()
     }
 
@@ -156,8 +157,9 @@ def _size(spec: Any) -> tuple[int, int]:
     return spec.width, spec.height
 
 
-def _is_statistics(spec: Any) -> bool:
-    return bool(spec.get_string_attribute("oiio:subimagename") == STATISTICS_PART)
+def _is_no_layer(spec: Any) -> bool:
+    name = str(spec.get_string_attribute("oiio:subimagename"))
+    return name == STATISTICS_PART or name.startswith(SUMS_PREFIX)
 
 
 def read_metadata(spec: Any) -> dict[str, Any]:
@@ -166,6 +168,8 @@ def read_metadata(spec: Any) -> dict[str, Any]:
     for attribute in spec.extra_attribs:
         name, value = attribute.name, attribute.value
         if name.startswith("usdmlt:"):
+            if name == "usdmlt:part":
+                continue  # of usdmlt.parts
             metadata[name.removeprefix("usdmlt:")] = value
         elif name in _NAMES:
             metadata[_NAMES[name]] = value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -25,21 +25,43 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+def replacing(
+    path: str | os.PathLike[str],
+    durable: bool = False,
+    before: Callable[[Path], None] | None = None,
+) -> Iterator[Path]:
     """A temporary path beside ``path`` to write to, which takes its name if all went well.
 
     If the block raises, nothing changes. OSError becomes :class:`usdmlt.Error`. A symbolic link
-    keeps pointing to the file, which is replaced.
+    keeps pointing to the file, which is replaced. ``durable``: it outlasts a loss of power once
+    this returns; and what a killed process left of it is written over. ``before`` is called with
+    the file's path when all is written, just before it is replaced.
     """
     final = Path(os.path.realpath(path))
-    temporary = final.with_name(f".{final.stem}.{uuid.uuid4().hex[:8]}{final.suffix}")
+    name = "partial" if durable else uuid.uuid4().hex[:8]
+    temporary = final.with_name(f".{final.stem}.{name}{final.suffix}")
     try:
         yield temporary
+        if durable:
+            _sync(temporary)
+        if before is not None:
+            before(final)
         os.replace(temporary, final)
+        if durable and os.name == "posix":
+            _sync(final.parent)
     except OSError as error:
         raise Error(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _sync(path: Path) -> None:
+    """Onto the disk; of a folder, the names in it."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

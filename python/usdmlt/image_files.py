@@ -56,8 +56,12 @@ class Part:
         return pixels
 
 
-def write_parts(path: Path, parts: Sequence[Part]) -> None:
-    """Write the file and make sure that all of it is there; OSError otherwise."""
+def write_parts(path: Path, parts: Sequence[Part], thorough: bool = True) -> None:
+    """Write the file and make sure that all of it is there; OSError otherwise.
+
+    ``thorough``: all of it is read again. Else the last row of each part is, which is enough to see
+    that its end was written.
+    """
     import OpenImageIO as oiio
 
     pixels = [part.pixels for part in parts]
@@ -76,7 +80,7 @@ def write_parts(path: Path, parts: Sequence[Part]) -> None:
     written = file.close() and written
     if not written or file.has_error:
         raise OSError(one_line(file.geterror()))
-    if not _is_whole(path, parts):
+    if not (_is_whole(path, parts) if thorough else _has_last_rows(path, parts)):
         raise OSError("the end of the file could not be written; is the disk full?")
 
 
@@ -177,6 +181,35 @@ def _is_whole(path: Path, parts: Sequence[Part]) -> bool:
         )
         for part, channels in zip(parts, again, strict=True)
     )
+
+
+def _has_last_rows(path: Path, parts: Sequence[Part]) -> bool:
+    """Whether the last row of each part of an EXR is what was written."""
+    import OpenImageIO as oiio
+
+    file = oiio.ImageInput.open(os.fspath(path))
+    if file is None:
+        return False
+    try:
+        for number, part in enumerate(parts):
+            if not file.seek_subimage(number, 0):
+                return False
+            spec, last = file.spec(), next(iter(part.channels.values())).shape[0] - 1
+            y = spec.y + last
+            for c, name in enumerate(spec.channelnames):
+                wanted = part.channels[name][last]
+                kind = _FORMATS[wanted.dtype.name]
+                row = file.read_scanlines(number, 0, y, y + 1, 0, c, c + 1, kind)
+                if row is None:
+                    return False
+                row = np.asarray(row)
+                row = row.view(np.float16) if kind == "half" else row
+                if not np.array_equal(row.ravel(), wanted, equal_nan=wanted.dtype.kind == "f"):
+                    return False
+        file.geterror()
+        return True
+    finally:
+        file.close()
 
 
 def _set_attribute(spec: Any, name: str, value: Any) -> None:

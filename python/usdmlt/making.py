@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import datetime, timezone
 from typing import Any, cast
@@ -27,7 +28,7 @@ from usdmlt.settings import Settings
 Matrix = npt.NDArray[np.float64]
 
 # They say how fast, or where it was stopped, which the number of units says: not what.
-_NOT_KEPT = ("threads", "time")
+_NOT_KEPT = ("threads", "time", "target_error")
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def metadata(scene: Scene, settings: Settings, stats: dict[str, Any]) -> dict[st
         "pixel_aspect_ratio": _pixel_aspect_ratio(scene),
         "worldToCamera": world_to_camera,
         "worldToNDC": world_to_ndc,
-        "settings": _settings(scene, settings, stats),
+        "settings": encoded(making(scene, settings, stats), stats["units"]),
     }
 
 
@@ -110,8 +111,8 @@ def kept_options(options: LoadOptions) -> dict[str, Any]:
     return kept
 
 
-def _settings(scene: Scene, settings: Settings, stats: dict[str, Any]) -> str | None:
-    """None of a stage that was not read from a file alone."""
+def making(scene: Scene, settings: Settings, stats: dict[str, Any]) -> dict[str, Any] | None:
+    """The fields of :class:`Making`; None of a stage that was not read from a file alone."""
     if "options" not in scene.metadata:
         return None
     kept = {name: value for name, value in asdict(settings).items() if name not in _NOT_KEPT}
@@ -119,7 +120,14 @@ def _settings(scene: Scene, settings: Settings, stats: dict[str, Any]) -> str | 
         kept["samples"] = settings.resolved_samples
     stage, options = str(scene.metadata["stage"]), cast(Any, scene.metadata["options"])
     done = stats["units_done"], stats["samples_per_pixel"]
-    return json.dumps(asdict(Making(stage, options, kept, *done, __version__)))
+    return asdict(Making(stage, options, kept, *done, __version__))
+
+
+def encoded(making: dict[str, Any] | None, units: Sequence[Sequence[int]]) -> str | None:
+    """As a picture's metadata have it; None where its units do not begin with the first, or have
+    gaps: it cannot be told how to make it again."""
+    is_prefix = [first for first, _ in units] in ([], [0])
+    return json.dumps(making) if making and is_prefix else None
 
 
 def _pixel_aspect_ratio(scene: Scene) -> float:

@@ -8,27 +8,36 @@ import math
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from copy import copy
 from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
-from usdmlt import color, layers, light_path_layers, native
+from usdmlt import color, layers, light_path_layers, native, target_error
+from usdmlt.checkpoint import open_checkpoint, settings_to_resume
 from usdmlt.choice import choose
-from usdmlt.errors import UsageError, Warning
+from usdmlt.errors import Error, UsageError, Warning
+from usdmlt.fingerprint import Fingerprint, of_render
 from usdmlt.image import Image
 from usdmlt.interruption import Interruption
-from usdmlt.making import metadata
+from usdmlt.making import making, metadata
+from usdmlt.parts import RenderPart, State
 from usdmlt.previews import Preview
 from usdmlt.scene import Scene
 from usdmlt.settings import ResolvedIntegrator, Settings, check_resolution, merged
 from usdmlt.surface_layers import SurfaceLayers, surface_layers
+from usdmlt.units import Range, gaps, overlap
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+    from distributed import Client
     from pxr import Usd
 
     from usdmlt import _core
+    from usdmlt.checkpoint import Checkpoint
 
 logger = logging.getLogger("usdmlt")
 
@@ -43,8 +52,9 @@ class Progress:
     units_done: int
     units_total: int
     samples_per_unit: float  # on average
-    seconds: float
+    seconds: float  # of this run
     samples_are: str = "samples"  # of mlt "mutations", or their worth
+    units_before: int = 0  # that were done before this run
 
     @property
     def samples_done(self) -> float:
@@ -93,6 +103,7 @@ class Rendering:
         ``samples``: per pixel.
         """
         other = copy(self)
+        other.__dict__.pop("fingerprint", None)
         other.settings = replace(
             self.settings, samples=samples, mutations=None, error=False, aovs=()
         )
@@ -101,8 +112,13 @@ class Rendering:
         return other
 
     @property
+    def units(self) -> list[Range]:
+        """Which work units the picture is of: ranges (first, one beyond the last), ascending."""
+        return self._render.units
+
+    @property
     def units_done(self) -> int:
-        """The picture is that of the work units 0 … n-1; this is n."""
+        """How many work units the picture is of."""
         return int(self._render.units_done)
 
     @property
@@ -110,24 +126,50 @@ class Rendering:
         """The number of work units when all samples are taken."""
         return int(self._render.units_total)
 
+    @property
+    def samples_per_unit(self) -> float:
+        """Samples, or mutations or their worth, of a work unit on average."""
+        return self._render.samples_per_unit
+
+    @cached_property
+    def fingerprint(self) -> Fingerprint:
+        """What tells the plan from others, whose units must not be summed with its own."""
+        plan = self._render.plan_digest
+        return of_render(self.scene, self.settings, self.integrator, self.layers, plan)
+
     def run(
         self,
         progress: Callable[[Progress], None] | None = None,
         stop: Callable[[], bool] | None = None,
         until: int | None = None,
         previews: Sequence[Preview] = (),
+        first: int = 0,
+        checkpoint: Checkpoint | None = None,
     ) -> bool:
-        """Render until all units are done, the time is over or ``stop()`` is true.
+        """Render until all units are done, the time is over, the error is small enough or
+        ``stop()`` is true.
 
-        ``until``: render units below this number only. ``progress`` and ``stop`` are called from
-        this thread about ten times a second; units that have started by then are finished.
-        ``previews`` are shown the picture so far, each in its time, which does not count.
+        ``first``, ``until``: render units from the first up to, and without, the second only; what
+        of them is done already is not done again. ``progress`` and ``stop`` are called from this
+        thread about ten times a second; units that have started by then are finished.
+        ``previews`` are shown the picture so far, each in its time, which does not count;
+        ``checkpoint`` is written now and then.
         Returns whether all units are done.
         """
         self.see_surfaces(stop)
         last = self.units_total if until is None else min(until, self.units_total)
         seconds, limit = 0.0, self.settings.time
-        while True:
+        total, units_before = last - first, self.units_done
+
+        def tell(units_done: int, seconds: float) -> None:
+            if progress is not None:
+                progress(self.progress(units_done, total, seconds, units_before))
+
+        while not target_error.is_reached(self):
+            gap = next(iter(gaps((first, last), self.units)), None)
+            if gap is None:
+                break
+            end = target_error.next_look(self, *gap)
             started, before = perf_counter(), seconds
             due = started + min((preview.wait(started) for preview in previews), default=math.inf)
             stopped = False
@@ -135,27 +177,79 @@ class Rendering:
             def poll(units_done: int) -> bool:
                 nonlocal stopped
                 now = perf_counter()
-                if progress is not None:
-                    progress(self._progress(units_done, last, before + now - started))  # noqa: B023
+                tell(units_done, before + now - started)  # noqa: B023
                 stopped = stop is not None and stop()
-                return stopped or now >= due  # noqa: B023
+                is_due = checkpoint is not None and checkpoint.wait(now) <= 0
+                return stopped or now >= due or is_due  # noqa: B023
 
             self._render.run(
-                last,
+                end,
                 threads=self.settings.resolved_threads,
                 deadline_seconds=None if limit is None else limit - seconds,
                 poll=poll,
+                first_unit=gap[0],
             )
             seconds += perf_counter() - started
-            over = stopped or self.units_done >= last or (limit is not None and seconds >= limit)
-            if over or not previews:
+            if stopped or (limit is not None and seconds >= limit):
                 break
-            self._show(previews)
-        if progress is not None:
-            progress(self._progress(self.units_done, last, seconds))
+            if not gaps((first, last), self.units):
+                break  # what is due will be made of the whole
+            self.show(previews)
+            if checkpoint is not None and checkpoint.wait(perf_counter()) <= 0:
+                checkpoint.update(self)
+        tell(self.units_done, seconds)
         return self.units_done == self.units_total
 
-    def _show(self, previews: Sequence[Preview]) -> None:
+    def state(self) -> State:
+        """What the units done so far gave, to be added to a rendering of the same plan; its arrays
+        are the film's own and change when more is rendered."""
+        return State(self._render.film.planes(), self._render.saved())
+
+    def add(self, state: State) -> None:
+        """Add units of the same plan that were rendered elsewhere, or before.
+
+        :class:`usdmlt.Error` where some of them are done already; then nothing is added.
+        """
+        both = overlap(self.units, state.units)
+        if both:
+            raise Error(f"units {both[0]}:{both[1]} are there already")
+        self._render.film.add(state.sums)
+        self._render.add_saved(state.saved)
+
+    def render_alone(self, first: int, last: int, threads: int) -> State:
+        """What the units ``first`` to ``last`` - 1 give alone: others that are done are dropped."""
+        self._render.clear()
+        self._render.run(last, threads=threads, first_unit=first)
+        sums = {name: plane.copy() for name, plane in self._render.film.planes().items()}
+        return State(sums, self._render.saved())
+
+    def part(self) -> RenderPart:
+        """The work so far and its picture, to be written (:mod:`usdmlt.parts`)."""
+        development = self._render.development
+        with no_warnings():
+            image = self.image()
+        return RenderPart(
+            self.fingerprint,
+            self.state(),
+            self.units_total,
+            self._render.film.scale,
+            (development.mutations_per_unit, development.units_in_turn, development.exposure),
+            tuple(layer.name for layer in self._light_paths),
+            self._render.samples_per_unit,
+            making(self.scene, self.settings, image.stats),
+            image,
+        )
+
+    def error(self) -> npt.NDArray[np.float32]:
+        """The standard error of the picture's luminance so far, (height, width) float32."""
+        return self._render.error()
+
+    def rgba(self) -> npt.NDArray[np.float32]:
+        """The picture so far without its layers, (height, width, 4) float32."""
+        return self._render.image()
+
+    def show(self, previews: Sequence[Preview]) -> None:
+        """Show the picture so far to those of the previews that are due."""
         due = [preview for preview in previews if preview.wait(perf_counter()) <= 0]
         if not due or self.units_done == 0:
             return
@@ -182,7 +276,7 @@ class Rendering:
             image.metadata["light_paths"] = json.dumps(shown, ensure_ascii=False)
         for layer in self.layers:
             if layer.shows == "sampleCount":
-                image.channels[layer.name] = self._render.sample_counts()
+                image.channels[layer.name] = self._render.film.sample_counts()
         surfaces = self.see_surfaces()
         image.channels |= surfaces.channels
         image.metadata |= surfaces.metadata
@@ -234,6 +328,7 @@ class Rendering:
             **measured,
             "units_done": self.units_done,
             "units_total": self.units_total,
+            "units": [[first, last] for first, last in self.units],
             "samples_per_pixel": spent / self._pixels,
             "truncated_fraction": truncated_fraction(measured["path_length_energy"]),
             "unreachable": self._unreachable,
@@ -245,9 +340,11 @@ class Rendering:
     def _pixels(self) -> int:
         return self.scene.width * self.scene.height
 
-    def _progress(self, units_done: int, last: int, seconds: float) -> Progress:
+    def progress(self, done: int, total: int, seconds: float, before: int) -> Progress:
+        """Of so many units done, some of them before."""
         samples_are = "mutations" if self.integrator == "mlt" else "samples"
-        return Progress(units_done, last, self._render.samples_per_unit, seconds, samples_are)
+        samples = self._render.samples_per_unit
+        return Progress(done, total, samples, seconds, samples_are, before)
 
 
 def render(
@@ -260,6 +357,9 @@ def render(
     progress: Callable[[Progress], None] | None = None,
     preview: Callable[[Image], None] | None = None,
     preview_seconds: float = 2.0,
+    checkpoint: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    client: Client | None = None,
     **options: Any,
 ) -> Image:
     """Render a USD stage, or a scene description, and return the picture.
@@ -269,10 +369,14 @@ def render(
     ``progress``: called about ten times a second with a :class:`Progress`.
     ``preview``: called with the picture so far every ``preview_seconds``, and at last with the
     whole; in a notebook :class:`usdmlt.notebook.Live`.
+    ``checkpoint``: a file that has the work so far, as of the command line; ``resume``: go on from
+    it, if it is there yet.
+    ``client``: a ``distributed.Client`` of Dask, whose workers render: the same bits.
     ``options``: the fields of :class:`usdmlt.Settings`: integrator, samples, mutations, time,
-    depth, seed, threads, filter, error, aovs, mutation_weights, direct, selective, two_stage, which
-    go before what the stage itself asks for; all others are those of :func:`usdmlt.load`, as
-    camera, frame, width and height are: purposes, mask, variants, color_space …
+    target_error, depth, seed, threads, filter, error, aovs, mutation_weights, direct, selective,
+    two_stage, which go before what the stage itself asks for; all others are those of
+    :func:`usdmlt.load`, as camera, frame, width and height are: purposes, mask, variants,
+    color_space …
 
     The picture's layers are ``"color"`` and ``"alpha"`` and, unless ``error=False``, ``"error"``:
     the standard error of the luminance by pixel, 0 where there were too few samples to tell; and
@@ -288,11 +392,26 @@ def render(
     options |= {"camera": camera, "frame": frame, "width": width, "height": height}
     scene, given, _ = read(stage, options)
     previews = [] if preview is None else [Preview(preview, preview_seconds)]
-    rendering = Rendering(scene, merged(scene.settings, given))
-    if rendering.settings.integrator == "auto":
+    settings = merged(scene.settings, given)
+    saved, before = open_checkpoint(checkpoint, resume)
+    if before is not None:
+        settings = settings_to_resume(settings, before)
+    rendering = Rendering(scene, settings)
+    if saved is not None and before is not None:
+        saved.restore(rendering, before)
+    if settings.integrator == "auto":
         logger.info("auto: %s (%s)", rendering.integrator, rendering.choice.reason)
-    with Interruption(signal.SIGINT) as interruption:
-        rendering.run(progress, stop=lambda: bool(interruption), previews=previews)
+    with Interruption(signal.SIGINT) as interruption, saved or nullcontext():
+        try:
+            if client is None:
+                rendering.run(progress, lambda: bool(interruption), None, previews, 0, saved)
+            else:
+                from usdmlt.cluster import render as render_on
+
+                render_on(client, rendering, progress, lambda: bool(interruption), previews, saved)
+        finally:
+            if saved is not None:
+                saved.write(rendering)
     image = rendering.image()
     for last in previews:
         last.update(image)

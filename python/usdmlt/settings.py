@@ -31,7 +31,7 @@ MUTATIONS = (
 # One of these has to be there: the others keep the length of a path, or what it runs through.
 ERGODIC_MUTATIONS = ("new_path", "bidirectional")
 
-# What `--time` alone means: as many samples as the time allows.
+# What `--time` or `--error` alone means: as many samples as the time allows or the error needs.
 UNLIMITED_SAMPLES = 2**20
 
 
@@ -43,10 +43,13 @@ class Settings:
     (Metropolis light transport) or ``"auto"``: the one that suits the scene, by short pilots
     (:mod:`usdmlt.choice`); ``"mlt"`` where mutations are asked for.
     ``samples``: per pixel, of whichever integrator runs: mutations for ``"mlt"``. None: 64, or as
-    many as ``time`` allows.
+    many as ``time`` allows or ``target_error`` needs.
     ``mutations``: the same for ``"mlt"`` alone. The render ends with a whole unit of work, so a
     small picture may get more.
     ``time``: seconds of rendering after which to stop, not counting the reading of the stage.
+    ``target_error``: render until the error of the picture is estimated to be below it: the root
+    mean square of the pixels' standard errors, relative to their luminance R, as
+    e / sqrt(R^2 + 0.01 mean^2). It is looked at now and then, by the number of work units.
     ``depth``: the most edges a path may have, lens and light included: 2 is direct light.
     ``seed``: any integer from 0 below 2^32. The same scene, settings and seed give the same bits.
     ``threads``: None: as many as the process may run on.
@@ -77,6 +80,7 @@ class Settings:
     samples: int | None = None
     mutations: int | None = None
     time: float | None = None
+    target_error: float | None = None
     depth: int = 16
     seed: int = 0
     threads: int | None = None
@@ -101,6 +105,11 @@ class Settings:
         check_integer("threads", self.threads, 1, 4096, optional=True)
         if self.time is not None and not (self.time > 0 and math.isfinite(self.time)):
             raise UsageError(f"time must be a positive number of seconds, not {self.time}")
+        if self.target_error is not None:
+            if not (self.target_error > 0 and math.isfinite(self.target_error)):
+                raise UsageError(f"target_error must be positive, not {self.target_error}")
+            if not self.error:
+                raise UsageError("target_error needs the layer of the error: error=True")
         if self.mutation_weights is not None:
             weights = check_weights(
                 "mutation_weights", self.mutation_weights, MUTATIONS, ERGODIC_MUTATIONS
@@ -120,7 +129,8 @@ class Settings:
         given = self.mutations if self.samples is None else self.samples
         if given is not None:
             return given
-        return 64 if self.time is None else UNLIMITED_SAMPLES
+        is_limited = self.time is not None or self.target_error is not None
+        return UNLIMITED_SAMPLES if is_limited else 64
 
     @property
     def primvars(self) -> tuple[str, ...]:

@@ -24,6 +24,11 @@ def test_import_loads_nothing_heavy() -> None:
     assert loaded_by("import usdmlt").isdisjoint(HEAVY)
 
 
+def test_what_a_scheduler_of_dask_imports_is_not_heavy() -> None:
+    code = "import usdmlt.cluster.worker, usdmlt.cluster.shipping"
+    assert loaded_by(code).isdisjoint({*HEAVY, "distributed"})
+
+
 @pytest.mark.parametrize("arguments", [["--version"], ["--help"], ["render", "--help"]])
 def test_parsing_the_command_line_loads_nothing_heavy(arguments: list[str]) -> None:
     code = (

@@ -23,7 +23,7 @@ def test_the_module_has_what_the_stubs_name() -> None:
     assert functions | set(CLASSES) <= public_names(core())
 
 
-@pytest.mark.parametrize("name", ["Scene", "Render"])
+@pytest.mark.parametrize("name", ["Scene", "Film", "Development", "Render"])
 def test_the_classes_have_exactly_what_the_stubs_name(name: str) -> None:
     methods = {n.name for n in CLASSES[name].body if isinstance(n, ast.FunctionDef)}
     assert public_names(getattr(core(), name)) == methods - {"__init__"}

@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from usdmlt import __version__
-from usdmlt.cli import bench, compare, doctor, inspect, render, view
+from usdmlt.cli import bench, compare, doctor, inspect, merge, render, view
 from usdmlt.cli.logs import configure_logging
 
-SUBCOMMANDS = (render, view, compare, inspect, bench, doctor)
+SUBCOMMANDS = (render, merge, view, compare, inspect, bench, doctor)
 
 
 class Parser(argparse.ArgumentParser):

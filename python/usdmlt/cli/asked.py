@@ -65,7 +65,7 @@ def read_asked(arguments: argparse.Namespace) -> Asked:
     if changed or given.keys() - {"threads"}:
         # Units are of another picture now; of one that was stopped, as much for each pixel.
         until = None
-        if not {"samples", "mutations", "time"} & given.keys():
+        if not {"samples", "mutations", "time", "target_error"} & given.keys():
             budget = "samples" if settings["mutations"] is None else "mutations"
             settings[budget] = min(settings[budget], max(round(making.samples_per_pixel), 1))
     return Asked(arguments.stage or making.stage, kept | changed, settings, until)
@@ -77,6 +77,7 @@ def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     values = {
         name: getattr(arguments, name) for name in (*names, "direct", "selective", "two_stage")
     }
+    values["target_error"] = arguments.error
     if arguments.aov is not None:
         values["aovs"] = [name for flag in arguments.aov for name in layers.split(flag)]
     values["mutation_weights"] = parse_weights(arguments.mutation_weights)

@@ -86,9 +86,10 @@ def fraction_done(progress: Progress, time_limit: float | None) -> float:
 def remaining_seconds(progress: Progress, time_limit: float | None) -> float | None:
     """An estimate, or None before there is anything to estimate from."""
     left = [] if time_limit is None else [max(time_limit - progress.seconds, 0.0)]
-    if progress.units_done > 0:
+    made = progress.units_done - progress.units_before
+    if made > 0:
         units_left = progress.units_total - progress.units_done
-        left.append(progress.seconds * units_left / progress.units_done)
+        left.append(progress.seconds * units_left / made)
     return min(left, default=None)
 
 
@@ -101,7 +102,8 @@ def clock(seconds: float) -> str:
 
 def describe(progress: Progress, time_limit: float | None) -> str:
     """Rate, elapsed and remaining time."""
-    rate = progress.samples_done / max(progress.seconds, 1e-9)
+    made = (progress.units_done - progress.units_before) * progress.samples_per_unit
+    rate = made / max(progress.seconds, 1e-9)
     remaining = remaining_seconds(progress, time_limit)
     left = "" if remaining is None else f", {clock(remaining)} left"
     return f"{_scaled(rate)} {progress.samples_are}/s, {clock(progress.seconds)} elapsed{left}"

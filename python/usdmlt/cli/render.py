@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import os
-import signal
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 from usdmlt.cli.asked import Asked, read_asked
 from usdmlt.cli.frames import check_placeholder, frame_path, parse_frames
 from usdmlt.cli.logs import add_verbosity
+from usdmlt.cli.long import add_cluster_flags, add_long_flags, check_long_flags
 from usdmlt.cli.pictures import Pictures, add_looking_flags, add_writing_flags
 from usdmlt.cli.progress import ProgressStyle
 from usdmlt.cli.reading import add_view_flags
+from usdmlt.cli.sequence import render_all
 from usdmlt.cli.tracing import add_tracing_flags, tracing
+from usdmlt.cli.work import Job
 from usdmlt.errors import Error, UsageError
-from usdmlt.settings import MUTATIONS, DirectName, FilterName, IntegratorName, Settings, merged
-
-if TYPE_CHECKING:
-    from usdmlt.rendering import Rendering
+from usdmlt.settings import MUTATIONS, DirectName, FilterName, IntegratorName, Settings
 
 logger = logging.getLogger("usdmlt")
 
@@ -85,7 +82,7 @@ def add_parser(subparsers: Any) -> None:
         metavar="N",
         type=int,
         help="samples per pixel, of mlt mutations per pixel "
-        f"(default: {defaults.resolved_samples}, or what fits into --time)",
+        f"(default: {defaults.resolved_samples}, or what fits into --time or --error needs)",
     )
     how.add_argument(
         "--mutations", metavar="N", type=int, help="mutations per pixel: --samples of mlt alone"
@@ -96,6 +93,13 @@ def add_parser(subparsers: Any) -> None:
         type=float,
         help="stop rendering each frame after this time, reading the stage not counted "
         "(default: no limit)",
+    )
+    how.add_argument(
+        "--error",
+        metavar="E",
+        type=float,
+        help="render until the error of the picture, relative to its luminance, is estimated to be "
+        "below this, such as 0.02 (default: the samples decide)",
     )
     how.add_argument(
         "--depth",
@@ -145,6 +149,8 @@ def add_parser(subparsers: Any) -> None:
         action=argparse.BooleanOptionalAction,
         help="make a coarse picture first, so that dark parts get nearly as much work",
     )
+    add_long_flags(parser)
+    add_cluster_flags(parser)
     add_looking_flags(parser)
     report = parser.add_argument_group("what is reported")
     report.add_argument(
@@ -173,16 +179,6 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=run)
 
 
-@dataclass(frozen=True)
-class Job:
-    """One picture: when, of which product (None: the first), and the files it goes to."""
-
-    frame: float | Literal["default"] | None
-    product: str | None
-    output: str
-    stats: str | None
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Render every frame; the exit status."""
     with tracing(arguments.traceToFile, arguments.traceFormat):
@@ -192,6 +188,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from usdmlt import files
 
+    check_long_flags(arguments)
     asked = read_asked(arguments)
     if arguments.list_cameras:
         from usdmlt.stage import camera_paths
@@ -203,15 +200,11 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.skip_existing:
         jobs = [job for job in jobs if not _exists(job.output)]
     for job in jobs:
-        for path in (job.output, job.stats):
+        for path in (job.output, job.stats, job.checkpoint):
             if path:
                 files.check_writable(path)
     pictures = Pictures(arguments, [job.output for job in jobs])
-    for job in jobs:
-        status = _render(arguments, asked, job, pictures)
-        if status:
-            return status
-    return 0
+    return render_all(arguments, asked, jobs, pictures)
 
 
 def _jobs(arguments: argparse.Namespace, asked: Asked) -> list[Job]:
@@ -224,13 +217,11 @@ def _jobs(arguments: argparse.Namespace, asked: Asked) -> list[Job]:
     if arguments.output is None:
         return _product_jobs(arguments, times, asked.options)
     image.check_extension(arguments.output)
-    for path in (arguments.output, arguments.stats):
+    paths = arguments.output, arguments.stats, arguments.checkpoint
+    for path in paths:
         if path:
             check_placeholder(path, frames)
-    return [
-        Job(time, None, _numbered(arguments.output, time), _numbered(arguments.stats, time))
-        for time in times
-    ]
+    return [Job(time, None, *(_numbered(path, time) for path in paths)) for time in times]
 
 
 def _product_jobs(
@@ -242,8 +233,9 @@ def _product_jobs(
     from usdmlt import image
     from usdmlt.stage import products
 
-    if arguments.stats:
-        raise UsageError("--stats is for one picture: name its OUTPUT")
+    for flag in ("stats", "checkpoint"):
+        if getattr(arguments, flag):
+            raise UsageError(f"--{flag} is for one picture: name its OUTPUT")
     jobs = []
     for time in times:
         for product in products(arguments.stage, frame=time, **options):
@@ -251,7 +243,7 @@ def _product_jobs(
                 name = str(image.check_extension(product.name))
             except UsageError as error:
                 raise Error(f"{product.path}: {error}") from None
-            jobs.append(Job(time, product.path, _numbered(name, time) or name, None))
+            jobs.append(Job(time, product.path, _numbered(name, time) or name, None, None))
     if not jobs:
         raise UsageError("name the OUTPUT: the stage has no render products")
     outputs = [job.output for job in jobs]
@@ -270,79 +262,3 @@ def _exists(output: str) -> bool:
     if there:
         logger.info("%s is there already: left out", output)
     return there
-
-
-def _render(arguments: argparse.Namespace, asked: Asked, job: Job, pictures: Pictures) -> int:
-    """Render and write one picture; 0, or 128 + the number of the signal that stopped it."""
-    from usdmlt import files
-    from usdmlt.cli.progress import display, display_reading
-    from usdmlt.interruption import Interruption
-    from usdmlt.rendering import Rendering
-    from usdmlt.stage import load
-
-    options = dict(asked.options)
-    if job.frame is not None:
-        options["frame"] = job.frame
-    if job.product is not None:
-        options["product"] = job.product
-    quiet = arguments.verbosity < 0
-    with display_reading(arguments.progress, quiet) as reading:
-        scene = load(asked.stage, progress=reading, **options)
-    settings = merged(scene.settings, asked.settings)
-    rendering = Rendering(scene, settings)
-    pictures.check_layers(rendering.layers, job.output)
-    logger.info("%s", _description(asked.stage, rendering))
-    with Interruption(signal.SIGINT, signal.SIGTERM, always=True) as interruption:
-        with pictures.previews(job.output) as previews:
-            with display(settings, arguments.progress, quiet) as progress:
-                rendering.run(
-                    progress, stop=lambda: bool(interruption), until=asked.until, previews=previews
-                )
-            image = rendering.image() if rendering.units_done else None
-            if image is not None:
-                pictures.write(image, job.output)
-        if image is None:
-            logger.warning("stopped before any work was done: nothing was written")
-        else:
-            if job.stats:
-                files.write_text(job.stats, json.dumps(image.stats, indent=2) + "\n")
-            logger.info("%s", _outcome(job.output, rendering, image.stats))
-            if arguments.memstats:
-                from usdmlt.cli.memory import memory_report
-
-                logger.info("%s", memory_report(scene))
-    return 0 if interruption.signal is None else 128 + interruption.signal
-
-
-def _description(stage: str, rendering: Rendering) -> str:
-    """What will be rendered and how, defaults included."""
-    scene, settings = rendering.scene, rendering.settings
-    limits = []
-    if settings.time is None or settings.samples or settings.mutations:
-        limits.append(f"{settings.resolved_samples} {_samples(rendering)}")
-    if settings.time is not None:
-        limits.append(f"{settings.time:g} s")
-    why = f" (auto: {rendering.choice.reason})" if settings.integrator == "auto" else ""
-    return (
-        f"{stage}: camera {scene.camera.name or '(automatic)'}, {scene.width}x{scene.height}, "
-        f"{rendering.integrator}{why}, {' or '.join(limits)}, depth {settings.depth}, "
-        f"{settings.filter} filter, seed {settings.seed}, threads {settings.resolved_threads}"
-    )
-
-
-def _samples(rendering: Rendering) -> str:
-    """What the integrator's budget counts."""
-    return "mutations per pixel" if rendering.integrator == "mlt" else "samples per pixel"
-
-
-def _outcome(output: str, rendering: Rendering, stats: dict[str, Any]) -> str:
-    """What was written, and how much of the work is in it."""
-    share = (
-        "all units"
-        if rendering.units_done == rendering.units_total
-        else f"units 0:{rendering.units_done}"
-    )
-    return (
-        f"wrote {output}: {round(stats['samples_per_pixel'], 1):g} {_samples(rendering)} ({share}) "
-        f"in {stats['seconds']:.1f} s"
-    )

@@ -1,0 +1,105 @@
+"""A scheduler of Dask and workers, in processes of their own that tests kill and pause."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+import usdmlt
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+if find_spec("distributed") is None:
+    collect_ignore = ["test_cluster.py", "test_cli_cluster.py"]
+
+SCENES = Path(__file__).parents[2] / "scenes"
+
+
+class Cluster:
+    """``workers``: processes by name, in the order in which they were started."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+        port = self.address.rpartition(":")[2]
+        arguments = ["scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard"]
+        self.scheduler = self._start(arguments)
+        self.workers: dict[str, subprocess.Popen[bytes]] = {}
+
+    def _start(self, arguments: list[str], path: Path | None = None) -> subprocess.Popen[bytes]:
+        environment = dict(os.environ)
+        if path is not None:
+            environment["PYTHONPATH"] = f"{path}{os.pathsep}{environment.get('PYTHONPATH', '')}"
+        return subprocess.Popen(
+            [sys.executable, "-m", "dask", *arguments],
+            cwd=self.folder,
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+
+    def add(self, name: str, threads: int = 1, path: Path | None = None) -> None:
+        """Start a worker; ``path``: that modules are looked for in first."""
+        arguments = ["worker", self.address, "--host", "127.0.0.1", "--no-dashboard", "--no-nanny"]
+        arguments += ["--nthreads", str(threads), "--name", name]
+        self.workers[name] = self._start(arguments, path)
+
+    def kill(self, name: str) -> None:
+        self.workers[name].kill()
+        self.workers[name].wait()
+
+    def pause(self, name: str) -> None:
+        self.workers[name].send_signal(signal.SIGSTOP)
+
+    def go_on(self, name: str) -> None:
+        self.workers[name].send_signal(signal.SIGCONT)
+
+    def stop(self) -> None:
+        for process in (*self.workers.values(), self.scheduler):
+            process.kill()
+            process.wait()
+
+    @contextlib.contextmanager
+    def client(self, workers: int) -> Iterator[Client]:
+        from distributed import Client
+
+        with Client(self.address, timeout=30, set_as_default=False) as client:
+            client.wait_for_workers(workers, timeout=60)
+            yield client
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    """A scheduler without workers."""
+    made = Cluster(tmp_path)
+    yield made
+    made.stop()
+
+
+@pytest.fixture
+def scene() -> usdmlt.Scene:
+    return usdmlt.load(SCENES / "cornell_box.usda", width=64)
+
+
+@pytest.fixture
+def plan(scene) -> Callable[..., usdmlt.Rendering]:
+    """Renderings of one plan: light of several bounces, by chains unless told otherwise."""
+
+    def make(**settings: object) -> usdmlt.Rendering:
+        settings = {"integrator": "mlt", "samples": 3000, "aovs": "direct,sampleCount"} | settings
+        return usdmlt.Rendering(scene, usdmlt.Settings(**settings))
+
+    return make
