@@ -180,7 +180,8 @@ class Rendering:
                 tell(units_done, before + now - started)  # noqa: B023
                 stopped = stop is not None and stop()
                 is_due = checkpoint is not None and checkpoint.wait(now) <= 0
-                return stopped or now >= due or is_due  # noqa: B023
+                # Nobody is shown, and no file has, the same units twice.
+                return stopped or (units_done > 0 and (now >= due or is_due))  # noqa: B023
 
             self._render.run(
                 end,
