@@ -73,6 +73,7 @@ class Picture:
         self._units_before = rendering.units_done
         self._ledger = Ledger([])
         self._age = 0
+        self._prepared: dict[str, Any] = {}  # by worker: the future of its plan
         self._rates: dict[str, float] = {}  # units per second by worker
         self._last_done: dict[str, float] = {}
         self._started: float | None = None
@@ -117,6 +118,25 @@ class Picture:
         units = self.rendering.units
         self._ledger.close(units[-1][1] if units else 0)
 
+    def can_give(self, member: Member) -> bool:
+        """Whether a worker has the plan; if not, it is told to make it."""
+        from usdmlt.cluster.worker import prepare
+
+        address = member.address
+        if address not in self._prepared:
+            self._prepared[address] = self._client.submit(
+                prepare, self._plan, *self._scene, pure=False, workers=[address], priority=20
+            )
+            self._watch(self._prepared[address], lambda future: self._prepare_done(address, future))
+        return bool(self._prepared[address].status == "finished")
+
+    def _prepare_done(self, address: str, future: Any) -> None:
+        told = address in self._prepared and self._prepared[address] is future
+        if told and future.status != "finished":
+            del self._prepared[address]
+            if future.status == "error":
+                self._judge(address, future.exception())
+
     def give(self, member: Member) -> None:
         """Hand out the next units to a worker."""
         now = perf_counter()
@@ -144,6 +164,8 @@ class Picture:
             lease.attempts[address] for lease in self._ledger.leases if address in lease.attempts
         ]
         lost += [item.future for item in self._ledger.sums if item.worker == address]
+        if address in self._prepared:
+            lost.append(self._prepared.pop(address))
         self._cancel(lost)
         self._guarded(lambda: self._ledger.lose(address))
 
@@ -187,7 +209,6 @@ class Picture:
             render_units,
             self._plan,
             *lease.units,
-            *self._scene,
             pure=False,
             workers=[address],
         )
@@ -221,8 +242,12 @@ class Picture:
 
     def _judge(self, address: str, error: BaseException | None) -> None:
         """A worker could not render units: because of the scene, the worker, or its memory."""
+        from usdmlt.cluster.worker import Unprepared
+
         if isinstance(error, Error):
             self.failure = error
+        elif isinstance(error, Unprepared):
+            self._prepared.pop(address, None)
         elif isinstance(error, MemoryError):
             self._crew.refuse(address, "it is out of memory")  # its sums are still there
         else:
@@ -346,6 +371,7 @@ class Picture:
                 if part.future.done() and part.future.status == "finished":
                     self._take(part)
         self._cancel(future for lease in self._ledger.leases for future in lease.attempts.values())
+        self._cancel(self._prepared.values())
 
     def _tell(self) -> None:
         if self._progress is None:

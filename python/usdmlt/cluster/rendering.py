@@ -107,11 +107,15 @@ class _Loop:
     def _give(self, member: Member) -> bool:
         for picture in self._open:
             if picture.pending:
+                if not picture.can_give(member):
+                    return False
                 picture.give(member)
                 return True
         if len(self._open) < OPEN_PICTURES and self._begin_next():
             return self._give(member)
-        return not member.tasks and any(picture.give_again(member) for picture in self._open)
+        return not member.tasks and any(
+            picture.can_give(member) and picture.give_again(member) for picture in self._open
+        )
 
     def _watch(self, future: Future, tell: Callable[[Future], None]) -> None:
         events = self._events

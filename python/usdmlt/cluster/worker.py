@@ -27,6 +27,10 @@ class Mismatch(Exception):
     """The worker's plan has other bits than the client's."""
 
 
+class Unprepared(Exception):
+    """The worker has not, or no more, what it was to render."""
+
+
 @dataclass(frozen=True)
 class Plan:
     """What is rendered: settings as resolved, and the fingerprint that has to come out."""
@@ -36,13 +40,23 @@ class Plan:
     fingerprint: Fingerprint
 
 
-def render_units(plan: Plan, first: int, last: int, packed: bytes, *buffers: Any) -> State:
+def prepare(plan: Plan, packed: bytes, *buffers: Any) -> None:
+    """Make the plan. Only this needs the scene: what other workers may have, and keep to themselves
+    when they are paused, no task waits for that has units."""
+    with _lock:
+        _rendering(plan, packed, buffers)
+
+
+def render_units(plan: Plan, first: int, last: int) -> State:
     """Render the units ``first`` to ``last`` - 1 alone."""
     from distributed import get_worker
 
     threads = get_worker().state.nthreads
     with _lock:
-        return _rendering(plan, packed, buffers).render_alone(first, last, threads)
+        if plan.key not in _renderings:
+            raise Unprepared
+        _renderings.move_to_end(plan.key)
+        return _renderings[plan.key].render_alone(first, last, threads)
 
 
 def add(a: State, b: State) -> State:
