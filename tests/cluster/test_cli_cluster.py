@@ -15,6 +15,9 @@ import pytest
 
 import usdmlt
 
+# Schedulers and workers of their own: minutes, and whatever else the machine does matters.
+pytestmark = pytest.mark.slow
+
 SCENE = Path(__file__).parents[2] / "scenes" / "cornell_box.usda"
 
 

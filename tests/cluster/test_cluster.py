@@ -18,6 +18,9 @@ from usdmlt.cluster.picture import Picture
 from usdmlt.cluster.rendering import pictures
 from usdmlt.errors import Error
 
+# Schedulers and workers of their own: minutes, and whatever else the machine does matters.
+pytestmark = pytest.mark.slow
+
 
 def assert_same(there: usdmlt.Rendering, here: usdmlt.Rendering) -> None:
     """The same units, each once: the same integers, floats and counts."""
