@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from usdmlt.cluster.crew import SECONDS_OF_PATIENCE, Crew, Member
 from usdmlt.cluster.picture import TASKS_AHEAD, Picture
@@ -49,8 +49,8 @@ class _Loop:
     ) -> None:
         self._client, self._wanted, self._stop = client, wanted, stop
         self._patience = patience
-        self._events: queue.SimpleQueue[tuple[Future, Callable[[Future], None]]]
-        self._events = queue.SimpleQueue()
+        # No SimpleQueue: when its time is just over it may wait for ever (CPython 3.11).
+        self._events: queue.Queue[tuple[Future, Callable[[Future], None]]] = queue.Queue()
         self._shipment = Shipment(client)
         self._open: list[Picture] = []
         self._crew: Crew | None = None
@@ -123,9 +123,8 @@ class _Loop:
 
     def _hear(self) -> None:
         """What has happened, after a moment's wait if nothing has."""
-        timeout = SECONDS_BETWEEN_POLLS
         with suppress(queue.Empty):
+            future, tell = self._events.get(timeout=SECONDS_BETWEEN_POLLS)
             while True:
-                event: tuple[Future, Callable[[Future], Any]] = self._events.get(timeout=timeout)
-                event[1](event[0])
-                timeout = 1e-9
+                tell(future)
+                future, tell = self._events.get_nowait()
