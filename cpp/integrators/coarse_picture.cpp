@@ -70,9 +70,9 @@ std::vector<SeenSurface> seen_surfaces(const Scene& scene, const CoarsePicture& 
     Edge edge;
     const Camera& camera = scene.camera;
     const Vec3f lens = camera.sample_lens({0.5f, 0.5f}, 0);
+    camera_vertex(scene, lens, 0, eye);
     for (size_t i = 0; i < seen.size(); ++i) {
         const Ray ray = camera_ray(camera, picture.center(i), lens, 0);
-        camera_vertex(scene, lens, 0, eye);
         if (!trace_vertex(scene, eye, ray, Known::eye, false, random, rays, v, edge,
                           {MediaStop::Kind::nowhere}))
             continue;

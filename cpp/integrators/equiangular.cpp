@@ -4,20 +4,14 @@
 
 namespace usdmlt {
 
-Spectrum equiangular_light(const Scene& scene, Sampler& sampler, const EquiangularRay& equiangular,
-                           const SubpathVertex& from, const Ray& ray, const Spectrum& throughput,
-                           SubpathVertex& x0, SubpathVertex& z, RayCounters& counters) {
-    RandomStream& random = sampler.stream();
-    const Vec2f u = random.next_2d();
-    const float u_select = scene.lights.has_choice() ? random.next_1d() : 0;
-    LightPoint point;
+Spectrum equiangular_light(const Scene& scene, RandomStream& random,
+                           const EquiangularRay& equiangular, const SubpathVertex& from,
+                           const Ray& ray, const Spectrum& throughput, SubpathVertex& x0,
+                           SubpathVertex& z, RayCounters& counters) {
     double pdf_light;
-    if (!sample_direct(scene.lights, equiangular.reference(), u_select, u, ray.time, point,
-                       pdf_light) ||
-        point.infinite)
+    if (!sample_light(scene, random, equiangular.reference(), ray.time, x0, pdf_light) ||
+        x0.infinite)
         return {};
-    light_vertex(scene, point, ray.time, x0);
-    x0.throughput = Spectrum(static_cast<float>(1 / pdf_light));
     const float t = equiangular.sample(x0.position, random.next_1d());
     if (!medium_point(scene, from, ray, t, counters, z, z.edge)) return {};
     const double pdf = equiangular.pdf(x0.position, z.position);
@@ -34,7 +28,7 @@ Spectrum equiangular_light(const Scene& scene, Sampler& sampler, const Equiangul
                            : p_t * density_by_scattering(z, z.to_previous, x0, direction_to(z, x0),
                                                          Known::eye, edge);
     const double weight = 1 / (1 + squared_ratio(p_a, p_b) + squared_ratio(p_c, p_b));
-    return value * edge.media_transmittance() * static_cast<float>(edge.transmittance * weight);
+    return edge.through(value, weight);
 }
 
 }  // namespace usdmlt

@@ -25,7 +25,6 @@ public:
           t0_(ray.tnear),
           t1_(ray.tfar) {}
 
-    bool is_active() const { return active_; }
     // From where the light's point is chosen.
     Vec3f reference() const { return reference_; }
 
@@ -65,8 +64,9 @@ private:
 
 // Light of a lamp scattered once on the ray, by p_B; the ray starts at `from` with `throughput`.
 // Leaves the light's point in x0 and the medium's in z.
-Spectrum equiangular_light(const Scene& scene, Sampler& sampler, const EquiangularRay& equiangular,
-                           const SubpathVertex& from, const Ray& ray, const Spectrum& throughput,
-                           SubpathVertex& x0, SubpathVertex& z, RayCounters& counters);
+Spectrum equiangular_light(const Scene& scene, RandomStream& random,
+                           const EquiangularRay& equiangular, const SubpathVertex& from,
+                           const Ray& ray, const Spectrum& throughput, SubpathVertex& x0,
+                           SubpathVertex& z, RayCounters& counters);
 
 }  // namespace usdmlt

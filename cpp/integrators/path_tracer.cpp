@@ -25,7 +25,7 @@ Spectrum direct_light(const Scene& scene, Sampler& sampler, const SubpathVertex&
                       const SubpathVertex& z_previous, const EquiangularRay& equiangular,
                       SubpathVertex& x0, RayCounters& counters) {
     double pdf_direct;
-    if (!sample_light(scene, sampler, z, x0, pdf_direct)) return {};
+    if (!sample_light(scene, sampler, z.position, z.time, x0, pdf_direct)) return {};
     const Spectrum value = join(scene, x0, nullptr, z, &z_previous);
     if (is_black(value)) return {};
     const Edge edge = edge_between(scene, x0, z, counters);
@@ -39,8 +39,7 @@ Spectrum direct_light(const Scene& scene, Sampler& sampler, const SubpathVertex&
     if (z.is_medium())
         other += squared_ratio(equiangular.density(scene.lights, x0, z),
                                z.edge.media_from_eye * pdf_direct);
-    const Spectrum weighted = value * static_cast<float>(edge.transmittance / (1 + other));
-    return scene.media.empty() ? weighted : weighted * edge.media_transmittance();
+    return edge.through(value, 1 / (1 + other));
 }
 
 bool has_dirac(const Closure& closure) {
@@ -99,7 +98,8 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
             const Spectrum value = weight * statistics.rays.glow;
             if (record(value, k)) end(value, true);
         }
-        if (met == Met::surface || met == Met::medium) {
+        if (met == Met::lost) return false;
+        if (met != Met::nothing) {
             if (k == 1) alpha = 1;
         } else {
             LightPoint point;
@@ -145,8 +145,8 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
                 reach.tfar = hit.t;
             equiangular = EquiangularRay(*previous, reach);
             const Spectrum value =
-                equiangular_light(scene, sampler, equiangular, *previous, reach, throughput, x0,
-                                  scatters_once, statistics.rays);
+                equiangular_light(scene, sampler.stream(), equiangular, *previous, reach,
+                                  throughput, x0, scatters_once, statistics.rays);
             if (record(value, k + 1)) {
                 const Vec3f from_light = direction_to(x0, scatters_once);
                 layers->classes.scatter_and_end(
@@ -173,7 +173,7 @@ Spectrum trace_path(const Scene& scene, const Settings& settings, Sampler& sampl
         }
 
         const bool last = k + 1 == settings.depth;
-        if (last && !v->is_medium() && has_dirac(v->closure)) {
+        if (last && has_dirac(v->closure)) {
             // All of them, not one by chance: lamps seen in glass are bright and rarely met.
             std::swap(v, previous);
             for (int i = 0; i < previous->closure.lobe_count; ++i)

@@ -85,10 +85,6 @@ private:
         statistics_.energy[static_cast<size_t>(edges)] += luminance(value);
         sink_.glow(camera_, edges, value);
     }
-    Spectrum through(const Edge& edge, const Spectrum& value, double weight) const {
-        const Spectrum weighted = value * static_cast<float>(edge.transmittance * weight);
-        return scene_.media.empty() ? weighted : weighted * edge.media_transmittance();
-    }
     bool recorded(int edges) const {
         return edges >= settings_.min_edges && edges <= settings_.depth;
     }
@@ -115,7 +111,7 @@ private:
         if (!recorded(t)) return;
         const SubpathVertex& z = camera_[t - 1];
         LightDensities densities;
-        if (!sample_light(scene_, sampler, z, end_[0], densities.direct)) return;
+        if (!sample_light(scene_, sampler, z.position, z.time, end_[0], densities.direct)) return;
         if (!sink_.wants(1, t)) return;
         const SubpathVertex& previous = camera_[t - 2];
         const Spectrum value = join(scene_, end_[0], nullptr, z, &previous);
@@ -125,7 +121,7 @@ private:
         densities.point = pdf_point(scene_.lights, end_[0].light);
         const double w =
             strategy_weight(scene_, &end_[0], nullptr, 1, z, &previous, t, densities, edge);
-        add(1, t, through(edge, value, w), w, edge);
+        add(1, t, edge.through(value, w), w, edge);
     }
 
     void connect(int s, int t) {
@@ -139,7 +135,7 @@ private:
         if (edge.is_blocked()) return;
         const double w = strategy_weight(scene_, &x, before(light_, s), s, z, before(camera_, t), t,
                                          {light_.pdf_point, light_.pdf_direct}, edge);
-        add(s, t, through(edge, value, w), w, edge);
+        add(s, t, edge.through(value, w), w, edge);
     }
 
     // t = 1
@@ -162,7 +158,7 @@ private:
         if (edge.is_blocked()) return;
         const double w = strategy_weight(scene_, &x, &light_[s - 2], s, end_[0], nullptr, 1,
                                          {light_.pdf_point, light_.pdf_direct}, edge);
-        add(s, 1, through(edge, value, w), w, edge);
+        add(s, 1, edge.through(value, w), w, edge);
     }
 
     const Scene& scene_;

@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "base/frame.hpp"
@@ -20,7 +21,6 @@ struct DensityGrid {
     std::vector<float> values;    // x fastest
     std::vector<float> emission;  // radiance per length, RGB, like `values`; empty: none
     Affine3f to_grid;             // from the scene; cell (i, j, k) has its centre at that point
-    float largest = 0;
 
     bool empty() const { return values.empty(); }
 
@@ -42,24 +42,31 @@ struct DensityGrid {
         return out;
     }
 
-    // ∫ density dt from a to b, between which there is no plane through centres.
-    struct Ray {
+    // A stretch of a ray, from a to b, without a plane through centres between.
+    struct Piece {
+        const DensityGrid& grid;
         Vec3f origin, direction;  // in the grid's space; t as along the scene's ray
-        Vec3f at(float t) const { return origin + direction * t; }
-    };
-    double integral(const Ray& ray, float a, float b) const {
-        return double(b - a) / 6 *
-               (double(density(ray.at(a))) + 4 * double(density(ray.at(0.5f * (a + b)))) +
-                density(ray.at(b)));
-    }
+        float a, b;
+        float at_a, at_b;  // densities
 
-    // f(a, b) for the pieces between planes, from t0 to t1, in order, until f is false. False: f
-    // was.
+        Vec3f at(float t) const { return origin + direction * t; }
+        // ∫ density dt from a to b, or to a point between.
+        double integral() const { return integral_to(b, at_b); }
+        double integral_to(float t) const { return integral_to(t, grid.density(at(t))); }
+
+    private:
+        double integral_to(float t, float at_t) const {
+            const double middle = grid.density(at(0.5f * (a + t)));
+            return double(t - a) / 6 * (double(at_a) + 4 * middle + at_t);
+        }
+    };
+
+    // f(piece) for the pieces from t0 to t1, in order, until f is false. False: f was.
     template <typename F>
     bool march(Vec3f origin, Vec3f direction, float t0, float t1, const F& f) const {
-        const Ray ray{to_grid.point(origin), to_grid.vector(direction)};
-        const float o[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
-        const float d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
+        Piece piece{*this, to_grid.point(origin), to_grid.vector(direction), 0, 0, 0, 0};
+        const float o[3] = {piece.origin.x, piece.origin.y, piece.origin.z};
+        const float d[3] = {piece.direction.x, piece.direction.y, piece.direction.z};
         for (size_t axis = 0; axis < 3; ++axis) {
             const float low = -0.5f, high = float(size[axis]) - 0.5f;
             if (d[axis] == 0) {
@@ -82,12 +89,18 @@ struct DensityGrid {
             plane[axis] = static_cast<int>(d[axis] > 0 ? std::floor(p) + 1 : std::ceil(p) - 1);
             next[axis] = (float(plane[axis]) - o[axis]) / d[axis];
         }
-        for (float a = t0; a < t1;) {
-            const float b = std::min(std::min(next[0], next[1]), std::min(next[2], t1));
-            if (b > a && !f(ray, a, b)) return false;
-            a = std::max(a, b);
+        piece.a = t0;
+        piece.at_a = density(piece.at(t0));
+        while (piece.a < t1) {
+            piece.b = std::min(std::min(next[0], next[1]), std::min(next[2], t1));
+            if (piece.b > piece.a) {
+                piece.at_b = density(piece.at(piece.b));
+                if (!f(std::as_const(piece))) return false;
+                piece.a = piece.b;
+                piece.at_a = piece.at_b;
+            }
             for (size_t axis = 0; axis < 3; ++axis)
-                if (next[axis] <= a) {
+                if (next[axis] <= piece.a) {
                     plane[axis] += step[axis];
                     next[axis] = (float(plane[axis]) - o[axis]) / d[axis];
                 }

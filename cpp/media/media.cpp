@@ -10,7 +10,6 @@ void Medium::finish() {
     interacts =
         max_component(extinction) > 0 || max_component(emission) > 0 || !grid.emission.empty();
     emits = max_component(emission) > 0 || !grid.emission.empty();
-    grid.largest = grid.empty() ? 1 : *std::max_element(grid.values.begin(), grid.values.end());
 }
 
 void Media::commit(std::shared_ptr<const embree::Library> library, const std::string& isa) {
@@ -35,8 +34,16 @@ void Media::commit(std::shared_ptr<const embree::Library> library, const std::st
         ShapeCallbacks{});
 }
 
-void Media::find_crossings(const Ray& ray, Scratch& scratch) const {
-    std::vector<Crossing>& crossings = scratch.crossings;
+void Media::begin_line(const Ray& ray, Scratch& scratch) const {
+    if (!scratch.line.is_of(ray)) {
+        find_crossings(ray, scratch.crossings);
+        scratch.line = {ray.origin, ray.direction, ray.tnear, ray.time};
+    }
+    scratch.inside.clear();
+    for (const Crossing& crossing : scratch.crossings) toggle(scratch.inside, crossing.body);
+}
+
+void Media::find_crossings(const Ray& ray, std::vector<Crossing>& crossings) const {
     crossings.clear();
     acceleration_->for_each_hit(ray, [&](float t, uint32_t body, uint32_t triangle, bool front) {
         crossings.push_back({t, body, triangle, front});
@@ -59,8 +66,6 @@ void Media::find_crossings(const Ray& ray, Scratch& scratch) const {
         if (!known) crossings[count++] = crossing;
     }
     crossings.resize(count);
-    scratch.inside.clear();
-    for (const Crossing& crossing : crossings) toggle(scratch.inside, crossing.body);
 }
 
 const Body* Media::innermost(const std::vector<uint32_t>& inside, uint32_t except) const {
@@ -74,7 +79,8 @@ Surroundings Media::surroundings(const Hit& hit, Vec3f position) const {
     const auto found = body_of_surface.find(surface_key(hit.mesh, hit.instance));
     if (found == body_of_surface.end()) return {};
     static thread_local Scratch scratch;
-    find_crossings({position, 0, {0.36f, 0.48f, 0.8f}, 0, hit.time}, scratch);
+    scratch.line = {};  // the thread may have seen other scenes
+    begin_line({position, 0, {0.36f, 0.48f, 0.8f}, 0, hit.time}, scratch);
     const Body* around = innermost(scratch.inside, found->second);
     if (!around) return {};
     return {around->outranks(bodies[found->second]), around->ior};

@@ -86,6 +86,17 @@ public:
         bool front;  // from the side that the triangle faces
     };
     struct Scratch {
+        // Where a ray is looked for collisions, then for its optical depth, its boundaries are
+        // looked up once: these are the ones of the last line.
+        struct Line {
+            Vec3f origin, direction;  // none goes in no direction
+            float tnear = 0, time = 0;
+
+            bool is_of(const Ray& ray) const {
+                return origin == ray.origin && direction == ray.direction && tnear == ray.tnear &&
+                       time == ray.time;
+            }
+        } line;
         std::vector<Crossing> crossings;
         std::vector<uint32_t> inside;  // bodies
     };
@@ -99,7 +110,7 @@ public:
                 f(media[world], ray.tnear, ray.tfar);
             return;
         }
-        find_crossings(ray, scratch);
+        begin_line(ray, scratch);
         float t = ray.tnear;
         for (size_t next = 0; t < ray.tfar; ++next) {
             const bool last = next == scratch.crossings.size();
@@ -116,7 +127,8 @@ public:
 
 private:
     // All boundaries on the ray's line, and what it starts in.
-    void find_crossings(const Ray& ray, Scratch& scratch) const;
+    void begin_line(const Ray& ray, Scratch& scratch) const;
+    void find_crossings(const Ray& ray, std::vector<Crossing>& crossings) const;
     const Body* innermost(const std::vector<uint32_t>& inside,
                           uint32_t except = invalid_index) const;
     uint32_t medium_of(const std::vector<uint32_t>& inside) const {

@@ -3,14 +3,13 @@
 namespace usdmlt {
 namespace {
 
-// Where ∫ density from a on is `wanted`; it is not less up to b. The integral grows with t, so that
-// halving finds the place to the last bit or two.
-float find_in_piece(const DensityGrid& grid, const DensityGrid::Ray& ray, float a, float b,
-                    double wanted) {
-    float low = a, high = b;
+// Where ∫ density is `wanted`; it is not less in the whole piece. The integral grows with t, so
+// that halving finds the place to the last bit or two.
+float find_in_piece(const DensityGrid::Piece& piece, double wanted) {
+    float low = piece.a, high = piece.b;
     for (int i = 0; i < 24 && low < high; ++i) {
         const float middle = 0.5f * (low + high);
-        (grid.integral(ray, a, middle) < wanted ? low : high) = middle;
+        (piece.integral_to(middle) < wanted ? low : high) = middle;
     }
     return 0.5f * (low + high);
 }
@@ -20,11 +19,10 @@ float find_in_piece(const DensityGrid& grid, const DensityGrid::Ray& ray, float 
 double integrated_density(const Medium& medium, const Ray& ray, float t0, float t1) {
     if (medium.grid.empty()) return double(t1) - double(t0);
     double sum = 0;
-    medium.grid.march(ray.origin, ray.direction, t0, t1,
-                      [&](const DensityGrid::Ray& in_grid, float a, float b) {
-                          sum += medium.grid.integral(in_grid, a, b);
-                          return true;
-                      });
+    medium.grid.march(ray.origin, ray.direction, t0, t1, [&](const DensityGrid::Piece& piece) {
+        sum += piece.integral();
+        return true;
+    });
     return sum;
 }
 
@@ -71,12 +69,11 @@ Spectrum glow(const Media& media, const Ray& ray, double u, Media::Scratch& scra
     media.for_each_stretch(ray, scratch, [&](const Medium& medium, float t0, float t1) {
         if (!medium.grid.empty())
             return medium.grid.march(
-                ray.origin, ray.direction, t0, t1,
-                [&](const DensityGrid::Ray& in_grid, float a, float b) {
+                ray.origin, ray.direction, t0, t1, [&](const DensityGrid::Piece& piece) {
                     add_piece(
-                        medium, a, b, [&](float t) { return medium.grid.integral(in_grid, a, t); },
+                        medium, piece.a, piece.b, [&](float t) { return piece.integral_to(t); },
                         [&](float t) {
-                            const Vec3f p = in_grid.at(t);
+                            const Vec3f p = piece.at(t);
                             const double density = medium.grid.density(p);
                             std::array<double, 3> e{};
                             if (!medium.grid.emission.empty()) e = medium.grid.emission_at(p);
@@ -125,17 +122,16 @@ Collision sample_collision(const Media& media, const Ray& ray, RandomStream& ran
             left -= extinction * (double(t1) - double(t0));
             return true;
         }
-        return medium.grid.march(
-            ray.origin, ray.direction, t0, t1,
-            [&](const DensityGrid::Ray& in_grid, float a, float b) {
-                const double depth = extinction * medium.grid.integral(in_grid, a, b);
-                if (left < depth) {
-                    out = {&medium, find_in_piece(medium.grid, in_grid, a, b, left / extinction)};
-                    return false;
-                }
-                left -= depth;
-                return true;
-            });
+        return medium.grid.march(ray.origin, ray.direction, t0, t1,
+                                 [&](const DensityGrid::Piece& piece) {
+                                     const double depth = extinction * piece.integral();
+                                     if (left < depth) {
+                                         out = {&medium, find_in_piece(piece, left / extinction)};
+                                         return false;
+                                     }
+                                     left -= depth;
+                                     return true;
+                                 });
     });
     return out;
 }

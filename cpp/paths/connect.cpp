@@ -70,18 +70,6 @@ LightDensities light_densities(const Scene& scene, const SubpathVertex& x0,
     return {pdf_point(scene.lights, x0.light), pdf_direct(scene.lights, x0.light, x1.position)};
 }
 
-bool sample_light(const Scene& scene, Sampler& sampler, const SubpathVertex& z, SubpathVertex& x0,
-                  double& pdf_direct) {
-    const Vec2f u = sampler.next_2d();
-    const float u_select = scene.lights.has_choice() ? sampler.next_1d() : 0;
-    LightPoint point;
-    if (!sample_direct(scene.lights, z.position, u_select, u, z.time, point, pdf_direct))
-        return false;
-    light_vertex(scene, point, z.time, x0);
-    x0.throughput = Spectrum(static_cast<float>(1 / pdf_direct));
-    return true;
-}
-
 Spectrum join(const Scene& scene, const SubpathVertex& x, const SubpathVertex* x_previous,
               const SubpathVertex& z, const SubpathVertex* z_previous) {
     const Vec3f to_z = direction_to(x, z), to_x = -to_z;

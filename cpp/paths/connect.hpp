@@ -36,9 +36,19 @@ Spectrum emitted_contribution(const Scene& scene, const Subpath& camera, int t);
 LightDensities light_densities(const Scene& scene, const SubpathVertex& x0,
                                const SubpathVertex& x1);
 
-// Next-event estimation from z: makes x0 and its density p_D; false where there is none.
-bool sample_light(const Scene& scene, Sampler& sampler, const SubpathVertex& z, SubpathVertex& x0,
-                  double& pdf_direct);
+// Next-event estimation from a point: makes x0 and its density p_D; false where there is none.
+// `Random` is a Sampler or a RandomStream.
+template <typename Random>
+bool sample_light(const Scene& scene, Random& random, Vec3f from, float time, SubpathVertex& x0,
+                  double& pdf_direct) {
+    const Vec2f u = random.next_2d();
+    const float u_select = scene.lights.has_choice() ? random.next_1d() : 0;
+    LightPoint point;
+    if (!sample_direct(scene.lights, from, u_select, u, time, point, pdf_direct)) return false;
+    light_vertex(scene, point, time, x0);
+    x0.throughput = Spectrum(static_cast<float>(1 / pdf_direct));
+    return true;
+}
 
 // throughput · scattering · G · scattering · throughput, without visibility and weight; zero where
 // the join cannot carry light. x may be x0 (x_previous null), z may be the lens (z_previous null).

@@ -28,6 +28,10 @@ struct Edge {
         return survival_of_surfaces(role) * survival_of_media(role);
     }
     Spectrum media_transmittance() const { return {media[0], media[1], media[2]}; }
+    // What is left of a value, times a weight.
+    Spectrum through(const Spectrum& value, double weight) const {
+        return value * static_cast<float>(transmittance * weight) * media_transmittance();
+    }
     // What a traced ray brings along.
     Spectrum media_weight(Known role) const {
         const float p = survival_of_media(role);

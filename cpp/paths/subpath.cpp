@@ -22,7 +22,6 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
         SubpathVertex& previous = path[path.count - 1];
         SubpathVertex& v = path[path.count];
         counters.wants_glow = role == Known::eye;
-        counters.glow = {};
         const bool found = trace_vertex(scene, previous, ray, role, role == Known::eye,
                                         sampler.stream(), counters, v, v.edge);
         if (role == Known::eye && scene.media.emit()) [[unlikely]] {

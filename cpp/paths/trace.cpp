@@ -330,6 +330,7 @@ void set_media(const Scene& scene, const Ray& stretch, const Vertex* x, const Ve
 
 Met trace_next(const Scene& scene, const Vertex& from, const Ray& ray, Known role, MediaStop stop,
                RandomStream& random, RayCounters& counters, Vertex& v, Edge& edge) {
+    counters.glow = {};
     Hit hit;
     Ray limited = ray;
     Collision collision;

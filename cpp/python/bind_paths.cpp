@@ -73,7 +73,7 @@ py::dict strategy_probe(const Scene& scene, int samples, int depth, uint64_t see
                         t > 2 ? light_densities(scene, z, camera[t - 2]) : LightDensities{}, rows);
             if (!z.can_scatter() || !z.can_connect() || t > depth) continue;
             LightDensities densities;
-            if (sample_light(scene, sampler, z, point[0], densities.direct)) {
+            if (sample_light(scene, sampler, z.position, z.time, point[0], densities.direct)) {
                 densities.point = pdf_point(scene.lights, point[0].light);
                 compare(scene, point, 1, camera, t, densities, rows);
             }

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from usdmlt.color.spaces import LUMINANCE
+
 if TYPE_CHECKING:
     from usdmlt.rendering import Rendering
 
@@ -27,7 +29,7 @@ def relative_error(rendering: Rendering) -> float:
     """
     if rendering.units_done == 0:
         return math.inf
-    luminance = rendering.rgba()[..., :3].astype(np.float64) @ (0.2126, 0.7152, 0.0722)
+    luminance = rendering.rgba()[..., :3].astype(np.float64) @ LUMINANCE
     mean = luminance.mean()
     if not mean > 0:
         return math.inf

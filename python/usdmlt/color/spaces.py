@@ -19,6 +19,7 @@ from usdmlt.errors import UsageError
 
 DEFAULT = "lin_rec709_scene"
 ADAPTATION = "Bradford"
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of Rec.709: a weighing of channels, no colour
 
 Matrix = npt.NDArray[np.float64]
 

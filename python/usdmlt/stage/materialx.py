@@ -32,7 +32,7 @@ from usdmlt.scene import (
 )
 from usdmlt.stage.expressions import is_constant, lane, multiply, subtract
 from usdmlt.stage.materialx_normals import read_normal
-from usdmlt.stage.networks import Kind, Networks, Unusable, is_zero
+from usdmlt.stage.networks import Kind, Networks, Unusable, entered, is_zero
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
@@ -54,18 +54,13 @@ class Graph:
         if source is None or source.shader is None:
             return None
         path = source.shader.GetPath()
-        if path in self.active:
-            raise Unusable("shading networks go round in a circle", path)
         reader = CLOSURES.get(source.node)
         if reader is None:
             raise Unusable(
                 f"MaterialX closures of type {source.node or '(none)'} are not rendered", path
             )
-        self.active.append(path)
-        try:
+        with entered(self.active, path):
             closure = reader(self, source.shader)
-        finally:
-            self.active.pop()
         # A lobe whose weight is the constant 0 is not there.
         return None if is_zero(getattr(closure, "weight", 1.0)) else closure
 

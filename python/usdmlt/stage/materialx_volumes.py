@@ -16,7 +16,7 @@ from usdmlt.scene import Add, Closure, Color, Medium, Mix, Multiply, UniformEmis
 from usdmlt.stage.coefficients import Coefficients
 from usdmlt.stage.expressions import add, is_constant, mix, multiply
 from usdmlt.stage.materialx import Graph
-from usdmlt.stage.networks import Networks, Unusable
+from usdmlt.stage.networks import Networks, Unusable, entered
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 LAYER = "ND_layer_vdf"
@@ -38,18 +38,13 @@ class Volumes:
         if source is None or source.shader is None:
             return Medium()
         path = source.shader.GetPath()
-        if path in self.active:
-            raise Unusable("shading networks go round in a circle", path)
         reader = VDFS.get(source.node)
         if reader is None:
             raise Unusable(
                 f"MaterialX volumes of type {source.node or '(none)'} are not rendered", path
             )
-        self.active.append(path)
-        try:
+        with entered(self.active, path):
             return reader(self, source.shader)
-        finally:
-            self.active.pop()
 
 
 def _absorption(graph: Volumes, shader: UsdShade.Shader) -> Medium:

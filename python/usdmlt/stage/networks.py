@@ -7,6 +7,8 @@ inputs of the scene description (textures, primvar readers, constants) are liste
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -103,8 +105,6 @@ class Networks:
         from usdmlt.stage.patterns import node_reader
 
         path = source.shader.GetPath()
-        if path in self._active:
-            raise Unusable("shading networks go round in a circle", path)
         known = (path, source.output, kind)
         if known in self._read:  # nodes that feed several inputs are one
             value = self._read[known]
@@ -116,11 +116,8 @@ class Networks:
                 raise Unusable(reason, path)
             self.report.warn(reason, path)
             return default
-        self._active.append(path)
-        try:
+        with entered(self._active, path):
             value = reader(self, source, kind)
-        finally:
-            self._active.pop()
         if isinstance(value, Node):
             self._read[known] = value
         return default if value is None else value
@@ -206,6 +203,18 @@ def undeclared_output(attribute: Usd.Attribute) -> Source | None:
         if kind == UsdShade.AttributeType.Output and prim and prim.IsA(UsdShade.Shader):
             return Source(attribute, UsdShade.Shader(prim), output)
     return None
+
+
+@contextmanager
+def entered(active: list[Sdf.Path], path: Sdf.Path) -> Iterator[None]:
+    """While a node is read, it is one of the ``active``; :class:`Unusable` where it is already."""
+    if path in active:
+        raise Unusable("shading networks go round in a circle", path)
+    active.append(path)
+    try:
+        yield
+    finally:
+        active.pop()
 
 
 def follow_no_circle(attribute: Usd.Attribute) -> None:

@@ -19,6 +19,7 @@ from usdmlt.scene import Grid, Medium, Mesh, Volume
 from usdmlt.stage.bodies import priority
 from usdmlt.stage.color import ColorSpaces
 from usdmlt.stage.fields import Field, extent, read_field
+from usdmlt.stage.gprims import cube
 from usdmlt.stage.materials import Materials, bound_materials
 from usdmlt.stage.motion import settled
 from usdmlt.stage.numbers import finite_number
@@ -28,10 +29,6 @@ from usdmlt.stage.traversal import Group, Placed
 DENSITY, TEMPERATURE = "density", "temperature"
 EMISSION, SCALE = "usdmlt:emission", "usdmlt:temperatureScale"
 STILL = "volumes of fields stand still while the shutter is open"
-
-_CORNERS = np.array([[(i >> axis) & 1 for axis in range(3)] for i in range(8)])
-_FACES = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-_TRIANGLES = np.array([t for a, b, c, d in _FACES for t in ((a, b, c), (a, c, d))], np.int32)
 
 
 class VolumeReader:
@@ -87,9 +84,11 @@ class VolumeReader:
         grid = Grid(_floats(density.values), *box, transform)
         self._check(grid, source)
         self._heat(grid, density, prim, fields)
+        lower, upper = np.array(box)
+        around = cube(1.0)  # about the origin
         return Mesh(
-            (np.array(box[0]) + _CORNERS * np.subtract(box[1], box[0])).astype(np.float32),
-            _TRIANGLES.copy(),
+            (lower + (around.points + 0.5) * (upper - lower)).astype(np.float32),
+            around.triangles,
             transform=transform,
             name=str(path),
             medium=self.materials.add_medium(self._medium(prim, material, grid)),

@@ -15,11 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from usdmlt.color.spaces import LUMINANCE as LUMINANCE
+
 Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.floating]
 
 FAINT = 1e-3  # of the picture's mean: the brightness of black, as far as the tolerance goes
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 CHANNELS = ("luminance", "red", "green", "blue", "alpha")
 PATTERNS = ("brightness", "gamma", "shift x", "shift y")
 # The least share of a colour's variance that the others do not explain. Without it, one firefly in
