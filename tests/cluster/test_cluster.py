@@ -63,6 +63,14 @@ def test_four_workers_give_the_bits_of_one_machine(cluster, plan, integrator) ->
     assert told[-1].units_done >= told[0].units_done
 
 
+def assert_two_workers_render(cluster, plan, samples: int) -> None:
+    there, here = plan(samples=samples), plan(samples=samples)
+    with cluster.client(2) as client:
+        on_cluster.render(client, there)
+    here.run()
+    assert_same(there, here)
+
+
 def test_workers_are_killed_added_and_paused(cluster, plan) -> None:
     """The paused one is declared lost, goes on and answers: too late to count."""
     for name in "abcd":
@@ -262,11 +270,7 @@ def test_a_worker_that_gives_other_bits_is_refused_and_the_others_render(
     )
     cluster.add("wrong", path=package(tmp_path, "sitecustomize.py", text))
     cluster.add("right")
-    there, here = plan(samples=600), plan(samples=600)
-    with cluster.client(2) as client:
-        on_cluster.render(client, there)
-    here.run()
-    assert_same(there, here)
+    assert_two_workers_render(cluster, plan, 600)
     assert "is not used: its pilots measured something else" in caplog.text
 
 
@@ -288,11 +292,7 @@ def test_a_worker_that_is_out_of_memory_gets_no_more_and_nothing_is_lost(
     text = OUT_OF_MEMORY.format(count=3)
     cluster.add("small", path=package(tmp_path, "sitecustomize.py", text))
     cluster.add("large")
-    there, here = plan(samples=300), plan(samples=300)
-    with cluster.client(2) as client:
-        on_cluster.render(client, there)
-    here.run()
-    assert_same(there, here)
+    assert_two_workers_render(cluster, plan, 300)
     assert "is not used: it is out of memory" in caplog.text
 
 

@@ -146,8 +146,7 @@ def test_chains_equal_bdpt_with_many_mutations(name: str) -> None:
 def test_each_path_length_agrees_with_many_samples(name: str, edges: int) -> None:
     lengths = {"min_edges": edges, "depth": edges}
     other = reference(name, 24, 128, **lengths)
-    if not other.any():
-        pytest.skip("there is no such light")
+    assert other.any()
     answers = [of_paths(name, 24, 128, **lengths)]
     if name in LIT_SCENES:
         answers.append(agreement(chains(name, 24, 256, **lengths), other, lumpy=True))

@@ -13,7 +13,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from support.media_scenes import GLASS, MEDIA_SCENES, WATER
+from support.class_scenes import GLASS, WATER
+from support.media_scenes import MEDIA_SCENES
 from support.rendering import ALL, picture
 from support.shapes import sphere
 from usdmlt import scene as s

@@ -13,18 +13,17 @@ independent, we take it as correlated by height (Heitz 2014), which is brighter 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from support import scenes
-from support.rendering import ALL, BOTH, build, pictures
+from support.beside_mitsuba import compare
+from support.rendering import ALL, BOTH
 from support.scenes import GREY, RED, WHITE, picture_of
 from support.shapes import box, facing, floor, perspective, quad, rotate, sphere, translate
-from support.statistics import Agreement, agreement
 from usdmlt import scene as s
-from usdmlt.testing import mitsuba as other
 
 
 def diffuse() -> s.Scene:
@@ -182,42 +181,19 @@ SCENES: dict[str, Callable[[], s.Scene]] = {
 }  # fmt: skip
 
 
-def compare(
-    mi,
-    folder,
-    name: str,
-    seeds: int,
-    samples: int,
-    mutations: int,
-    integrators: tuple[str, ...] = ALL,
-) -> Iterator[Agreement]:
-    """By integrator, of pictures with this many samples per pixel, or mutations by chains."""
-    depth = 6
-    scene = SCENES[name]()
-    loaded = other.load(mi, scene, folder, depth, roulette_depth=1000)
-    theirs = other.pictures(mi, loaded, seeds, 3 * samples)  # unstratified
-    built = build(scene)
-    for integrator in integrators:
-        work = mutations if integrator == "mlt" else samples
-        ours = pictures(built, integrator, seeds, samples=work, depth=depth)
-        got = agreement(ours, theirs, lumpy=integrator == "mlt")
-        print(f"{name:16} {integrator:5} {got}")
-        yield got
-
-
 BY_CHAINS = ("glass", "dome", "thin_lens")
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_agrees_with_mitsuba(mi, tmp_path, name: str) -> None:
     integrators = ALL if name in BY_CHAINS else BOTH
-    for got in compare(mi, tmp_path, name, 24, 48, 64, integrators):
+    for got in compare(mi, tmp_path, SCENES[name](), 24, 48, 64, 144, integrators):
         got.require(resolution=0.0035, block_resolution=0.015)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_agrees_with_mitsuba_with_many_samples(mi, tmp_path, name: str) -> None:
-    for got in compare(mi, tmp_path, name, 48, 512, 2048):
+    for got in compare(mi, tmp_path, SCENES[name](), 48, 512, 2048, 1536, ALL):
         got.require(resolution=0.0025, block_resolution=0.005)
         assert abs(got.difference) < 0.005

@@ -7,18 +7,17 @@ chance, integrated here; channels that differ are weighted there along whole pat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from support.beside_mitsuba import compare
 from support.media_scenes import MEDIA_SCENES, volume
-from support.rendering import ALL, BOTH, build, pictures
+from support.rendering import ALL, BOTH
 from support.scenes import GREY, WHITE, picture_of
 from support.shapes import box, facing, floor, perspective, rotate, translate
-from support.statistics import Agreement, agreement
 from usdmlt import scene as s
-from usdmlt.testing import mitsuba as other
 
 
 def fog_room() -> s.Scene:
@@ -73,32 +72,18 @@ SCENES: dict[str, Callable[[], s.Scene]] = {
 }
 
 
-def compare(mi, folder, name: str, seeds: int, samples: int, integrators) -> Iterator[Agreement]:
-    depth = 6
-    scene = SCENES[name]()
-    loaded = other.load(mi, scene, folder, depth, roulette_depth=1000)
-    theirs = other.pictures(mi, loaded, seeds, 2 * samples)  # unstratified
-    built = build(scene)
-    for integrator in integrators:
-        work = 4 * samples if integrator == "mlt" else samples
-        ours = pictures(built, integrator, seeds, samples=work, depth=depth)
-        got = agreement(ours, theirs, lumpy=integrator == "mlt")
-        print(f"{name:18} {integrator:5} {got}")
-        yield got
-
-
 # With so few samples the light of single pixels is skewed, more than t-tests take for noise.
 SKEWED = ("blocks", "mean")
 
 
 @pytest.mark.parametrize("name", ["fog_room", "blue_air", "smoke"])
 def test_agrees_with_mitsuba(mi, tmp_path, name: str) -> None:
-    for got in compare(mi, tmp_path, name, 16, 16, BOTH):
+    for got in compare(mi, tmp_path, SCENES[name](), 16, 16, 64, 32, BOTH):
         got.require(resolution=0.03, block_resolution=0.06, questions=SKEWED)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_agrees_with_mitsuba_with_many_samples(mi, tmp_path, name: str) -> None:
-    for got in compare(mi, tmp_path, name, 24, 256, ALL):
+    for got in compare(mi, tmp_path, SCENES[name](), 24, 256, 1024, 512, ALL):
         got.require(resolution=0.01, block_resolution=0.03, questions=SKEWED)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from support.class_scenes import GLASS
 from support.scenes import GREY, WHITE, ceiling_light, picture_of, room
 from support.shapes import (
     box,
@@ -22,8 +23,6 @@ from support.shapes import (
 )
 from usdmlt import scene as s
 
-GLASS = s.Material(s.Dielectric(1.5, 0.0, scatter_mode="RT"))
-WATER = s.Material(s.Dielectric(1.33, 0.0, scatter_mode="RT"))
 CLEAR = s.Medium(name="clear")
 
 MEDIA_SCENES: dict[str, Callable[[], s.Scene]] = {}
