@@ -9,7 +9,6 @@ namespace usdmlt {
 struct Development {
     int64_t mutations_per_unit = 0;  // of Metropolis light transport; 0: splats are normalised by
                                      // the number of camera samples
-    int64_t units_in_turn = 1;       // of a batch of splats, before the next batch
     double exposure = 1;
 
     double splats_per_pixel(const Film& film, const UnitSet& units) const {
@@ -24,11 +23,7 @@ struct Development {
         film.develop_layer(index, rgb, splats_per_pixel(film, units), exposure);
     }
     void error(const Film& film, const UnitSet& units, float* out) const {
-        double share[Film::batches] = {};
-        if (const auto n = double(units.count()); n > 0)
-            for (int b = 0; b < Film::batches; ++b)
-                share[b] = double(units.count_of_batch(b, Film::batches, units_in_turn)) / n;
-        film.develop_error(out, splats_per_pixel(film, units), share, exposure);
+        film.develop_error(out, splats_per_pixel(film, units), units.count(), exposure);
     }
 };
 

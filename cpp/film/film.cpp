@@ -2,22 +2,27 @@
 
 #include <bit>
 
+#include "base/rng.hpp"
+
 namespace usdmlt {
 
-Film::Film(int width, int height, double scale, bool with_splats, bool with_error, int layers)
-    : width_(width), height_(height), layers_(layers), scale_(scale) {
+Film::Film(int width, int height, double scale, double sample_weight, bool with_splats,
+           bool with_error, int layers)
+    : width_(width),
+      height_(height),
+      layers_(layers),
+      scale_(scale),
+      sample_weight_(sample_weight) {
     const size_t pixels = size_t(width) * height;
     samples_.assign(pixels * 5, 0);
     if (with_splats) splats_.assign(pixels * 3, 0);
     if (with_error) squares_.assign(pixels, 0);
-    if (with_error && with_splats) batch_sums_.assign(pixels * batches, 0);
-    layer_samples_.assign(pixels * size_t(layers) * 3, 0);
-    if (with_splats) layer_splats_.assign(pixels * size_t(layers) * 3, 0);
+    if (with_error && with_splats) splat_squares_.assign(pixels, 0);
+    layer_sums_.assign(pixels * size_t(layers) * 3, 0);
 }
 
 // Each part is rounded for itself, and what is then too much or missing is the largest one's.
-void Film::add_parts(std::vector<int64_t>& sums, size_t pixel, const double all[3],
-                     const LayerSums& parts) {
+void Film::add_parts(size_t pixel, const double all[3], double scale, const LayerSums& parts) {
     const auto magnitude = [](const LayerSums::Part& part) {
         return std::fabs(part.value[0]) + std::fabs(part.value[1]) + std::fabs(part.value[2]);
     };
@@ -27,12 +32,12 @@ void Film::add_parts(std::vector<int64_t>& sums, size_t pixel, const double all[
     if (!largest) return;
     int64_t rest[3];
     for (int c = 0; c < 3; ++c) {
-        if (!(std::fabs(all[c] * scale_) < limit)) return;  // the picture lacks it too
-        rest[c] = std::llrint(all[c] * scale_);
+        if (!(std::fabs(all[c] * scale) < limit)) return;  // the picture lacks it too
+        rest[c] = std::llrint(all[c] * scale);
     }
     const auto add_to_layers = [&](LayerMask mask, const int64_t value[3]) {
         for (; mask != 0; mask &= mask - 1) {
-            int64_t* sum = &sums[layer_index(pixel, std::countr_zero(mask))];
+            int64_t* sum = &layer_sums_[layer_index(pixel, std::countr_zero(mask))];
             for (int c = 0; c < 3; ++c)
                 if (value[c] != 0)
                     std::atomic_ref<int64_t>(sum[c]).fetch_add(value[c], std::memory_order_relaxed);
@@ -42,7 +47,7 @@ void Film::add_parts(std::vector<int64_t>& sums, size_t pixel, const double all[
         if (&part == largest) continue;
         int64_t value[3];
         for (int c = 0; c < 3; ++c) {
-            value[c] = std::llrint(std::clamp(part.value[c] * scale_, -limit, limit));
+            value[c] = std::llrint(std::clamp(part.value[c] * scale, -limit, limit));
             rest[c] -= value[c];
         }
         add_to_layers(part.mask, value);
@@ -50,18 +55,28 @@ void Film::add_parts(std::vector<int64_t>& sums, size_t pixel, const double all[
     add_to_layers(largest->mask, rest);
 }
 
+// Small squares are rounded up or down by a hash: as units have different numbers, what is lost is
+// right on average.
+void Film::add_squares(UnitSplats& unit) {
+    const auto add_square = [&](uint32_t pixel, float luminance) {
+        const double square = double(luminance) * double(luminance) * square_unit;
+        const uint64_t hash = hash_key(pixel, std::bit_cast<uint32_t>(luminance));
+        const double dither = double(hash >> 11) * 0x1p-53;
+        add(splat_squares_[pixel], std::min(std::floor(square + dither), 0x1p60));
+    };
+    unit.take(add_square, [&](uint32_t pixel) { __builtin_prefetch(&splat_squares_[pixel], 1); });
+}
+
 void Film::develop_layer(int layer, float* rgb, double splats_per_pixel, double exposure) const {
     const size_t pixels = size_t(width_) * height_;
-    const double splat_scale = splats_per_pixel > 0 ? 1 / (splats_per_pixel * scale_) : 0;
-    for (size_t i = 0; i < pixels; ++i) {
-        const int64_t n = sample_count(i);
-        const double sample_scale = n > 0 ? 1 / (double(n) * scale_) : 0;
-        for (int c = 0; c < 3; ++c)
+    for (size_t i = 0; i < pixels; ++i)
+        for (int c = 0; c < 3; ++c) {
+            double all = double(samples_[i * 5 + size_t(c)]);
+            if (has_splats()) all += double(splats_[i * 3 + size_t(c)]);
+            const double share = double(layer_sums_[layer_index(i, layer) + size_t(c)]) / all;
             rgb[i * 3 + size_t(c)] =
-                static_cast<float>((double(sample_sum(i, c, layer)) * sample_scale +
-                                    double(splat_sum(i, c, layer)) * splat_scale) *
-                                   exposure);
-    }
+                all != 0 ? static_cast<float>(share * mean(i, c, splats_per_pixel) * exposure) : 0;
+        }
 }
 
 std::vector<Film::Plane> Film::planes() {
@@ -69,9 +84,8 @@ std::vector<Film::Plane> Film::planes() {
     std::vector<Plane> planes{{"samples", &samples_, {h, w, 5}}};
     if (!splats_.empty()) planes.push_back({"splats", &splats_, {h, w, 3}});
     if (!squares_.empty()) planes.push_back({"squares", &squares_, {h, w}});
-    if (!batch_sums_.empty()) planes.push_back({"batches", &batch_sums_, {batches, h, w}});
-    if (!layer_samples_.empty()) planes.push_back({"layer_samples", &layer_samples_, {h, w, n, 3}});
-    if (!layer_splats_.empty()) planes.push_back({"layer_splats", &layer_splats_, {h, w, n, 3}});
+    if (!splat_squares_.empty()) planes.push_back({"splat_squares", &splat_squares_, {h, w}});
+    if (!layer_sums_.empty()) planes.push_back({"layers", &layer_sums_, {h, w, n, 3}});
     return planes;
 }
 
@@ -98,47 +112,35 @@ int64_t Film::sample_count() const {
 
 void Film::develop(float* rgba, double splats_per_pixel, double exposure) const {
     const size_t pixels = size_t(width_) * height_;
-    const double splat_scale = splats_per_pixel > 0 ? 1 / (splats_per_pixel * scale_) : 0;
     for (size_t i = 0; i < pixels; ++i) {
+        for (int c = 0; c < 3; ++c)
+            rgba[i * 4 + size_t(c)] = static_cast<float>(mean(i, c, splats_per_pixel) * exposure);
         const int64_t* s = &samples_[i * 5];
-        const double sample_scale = s[4] > 0 ? 1 / (double(s[4]) * scale_) : 0;
-        for (int c = 0; c < 3; ++c) {
-            double value = double(s[c]) * sample_scale;
-            if (!splats_.empty()) value += double(splats_[i * 3 + c]) * splat_scale;
-            rgba[i * 4 + c] = static_cast<float>(value * exposure);
-        }
         rgba[i * 4 + 3] =
             s[4] > 0 ? static_cast<float>(double(s[3]) / (double(s[4]) * alpha_unit)) : 0;
     }
 }
 
-void Film::develop_error(float* error, double splats_per_pixel, const double share[batches],
+void Film::develop_error(float* error, double splats_per_pixel, int64_t units,
                          double exposure) const {
+    const auto luminance_of = [](const int64_t* rgb) {
+        return 0.2126 * double(rgb[0]) + 0.7152 * double(rgb[1]) + 0.0722 * double(rgb[2]);
+    };
     const size_t pixels = size_t(width_) * height_;
-    int used = 0;
-    for (int b = 0; b < batches; ++b) used += share[b] > 0;
     for (size_t i = 0; i < pixels; ++i) {
         double variance = 0;
         const int64_t* s = &samples_[i * 5];
         if (const auto n = double(s[4]); n > 1 && has_error()) {
-            const double mean =
-                (0.2126 * double(s[0]) + 0.7152 * double(s[1]) + 0.0722 * double(s[2])) / n;
+            const double mean = luminance_of(s) / sample_weight_ / n;
             const double square = double(squares_[i]) / square_unit / n;
             variance += std::max(square - mean * mean, 0.0) / (n - 1);
         }
-        if (!batch_sums_.empty() && used > 1 && splats_per_pixel > 0) {
-            // Batches of share q have variance σ²/q; Σ q (x_b − x̄)² is then (n − 1) σ² on average.
-            const auto sum = [&](int b) {
-                return double(batch_sums_[batch_index(i, b)]) / splats_per_pixel;
-            };
-            double total = 0, squares = 0;
-            for (int b = 0; b < batches; ++b) total += sum(b);
-            for (int b = 0; b < batches; ++b)
-                if (share[b] > 0) {
-                    const double d = sum(b) / share[b] - total;
-                    squares += share[b] * d * d;
-                }
-            variance += squares / (used - 1);
+        if (!splat_squares_.empty() && units > 1 && splats_per_pixel > 0) {
+            // Of the sum of n independent numbers: n/(n − 1) (Σ x² − (Σ x)²/n).
+            const double n = double(units), sum = luminance_of(&splats_[i * 3]);
+            const double square = double(splat_squares_[i]) / square_unit;
+            variance += std::max(square - sum * sum / n, 0.0) * n / (n - 1) /
+                        (splats_per_pixel * splats_per_pixel);
         }
         error[i] = static_cast<float>(std::sqrt(variance) / scale_ * exposure);
     }

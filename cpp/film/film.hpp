@@ -4,8 +4,9 @@
 // Two kinds of sums live here, normalised differently when the image is developed:
 //   samples  values of camera samples, by the number of samples of their own pixel;
 //   splats   contributions of paths anywhere, by their number per pixel of the whole image.
-// Beside them, for the error of the luminance: squares of samples, and splats by batch, each of
-// which is a sixteenth of the work; and layers: sums of the same kinds, of some of the paths each.
+// Beside them, for the error of the luminance: squares of samples, and of what each unit splats in
+// a pixel; and layers, of some of the paths each. A layer has one sum for both kinds, for which
+// samples are weighted so that their number and that of splats are the same in the long run.
 //
 // A deposit is rounded once, and its parts so that they make it up exactly: layers that share all
 // paths among them sum to the picture, integer for integer.
@@ -21,20 +22,21 @@
 
 #include "base/spectrum.hpp"
 #include "film/layer_sums.hpp"
+#include "film/unit_splats.hpp"
 
 namespace usdmlt {
 
 class Film {
 public:
-    static constexpr int batches = 16;
-
     // `scale` turns radiance into fixed point; it is part of the plan and independent of the
-    // number of samples.
-    Film(int width, int height, double scale, bool with_splats, bool with_error, int layers = 0);
+    // number of samples, as is `sample_weight`: splats per pixel to a sample of each pixel.
+    Film(int width, int height, double scale, double sample_weight, bool with_splats,
+         bool with_error, int layers = 0);
 
     int width() const { return width_; }
     int height() const { return height_; }
     double scale() const { return scale_; }
+    double sample_weight() const { return sample_weight_; }
     bool has_splats() const { return !splats_.empty(); }
     bool has_error() const { return !squares_.empty(); }
     int layers() const { return layers_; }
@@ -44,8 +46,8 @@ public:
     void add_sample(int x, int y, const double value[4], const LayerSums* parts = nullptr) {
         const size_t i = index(x, y);
         int64_t* p = &samples_[i * 5];
-        for (int c = 0; c < 3; ++c) add(p[c], value[c] * scale_);
-        if (parts) add_parts(layer_samples_, i, value, *parts);
+        for (int c = 0; c < 3; ++c) add(p[c], value[c] * scale_ * sample_weight_);
+        if (parts) add_parts(i, value, scale_ * sample_weight_, *parts);
         add(p[3], value[3] * alpha_unit);
         std::atomic_ref<int64_t>(p[4]).fetch_add(1, std::memory_order_relaxed);
         if (has_error()) {
@@ -53,47 +55,42 @@ public:
             add(squares_[i], std::min(v * scale_ * (v * scale_) * square_unit, 0x1p60));
         }
     }
-    void add_splat(int x, int y, const Spectrum& value, int batch,
+    // `unit`: null without errors.
+    void add_splat(int x, int y, const Spectrum& value, UnitSplats* unit,
                    const LayerSums* parts = nullptr) {
         const size_t i = index(x, y);
         int64_t* p = &splats_[i * 3];
         for (int c = 0; c < 3; ++c) add(p[c], value[c] * scale_);
         if (parts) {
             const double all[3] = {value[0], value[1], value[2]};
-            add_parts(layer_splats_, i, all, *parts);
+            add_parts(i, all, scale_, *parts);
         }
-        if (has_error()) add(batch_sums_[batch_index(i, batch)], luminance(value) * scale_);
+        if (unit)
+            unit->add(static_cast<uint32_t>(i), static_cast<float>(luminance(value) * scale_));
     }
     // Fetches what a splat there will add to.
-    void prefetch_splat(int x, int y, int batch) {
+    void prefetch_splat(int x, int y, const UnitSplats* unit) const {
         const size_t i = index(x, y);
         __builtin_prefetch(&splats_[i * 3], 1);
-        if (has_error()) __builtin_prefetch(&batch_sums_[batch_index(i, batch)], 1);
+        if (unit) unit->prefetch(static_cast<uint32_t>(i));
     }
+    // At the end of each unit: adds the squares of what it has splatted.
+    void add_squares(UnitSplats& unit);
 
     // RGBA in row-major order, top row first: samples / their count + splats / splats_per_pixel.
     // Not to be called while units are running.
     void develop(float* rgba, double splats_per_pixel, double exposure) const;
 
-    // RGB of one layer.
+    // RGB of one layer. While some pixels have a sample more than others, the number that its
+    // deposits are divided by is that of the picture's own, which may have another share of
+    // samples.
     void develop_layer(int layer, float* rgb, double splats_per_pixel, double exposure) const;
 
-    // The sums themselves by pixel and channel, of samples and of splats; layer −1: the picture.
-    int64_t sample_sum(size_t pixel, int channel, int layer) const {
-        return layer < 0 ? samples_[pixel * 5 + size_t(channel)]
-                         : layer_samples_[layer_index(pixel, layer) + size_t(channel)];
-    }
-    int64_t splat_sum(size_t pixel, int channel, int layer) const {
-        if (splats_.empty()) return 0;
-        return layer < 0 ? splats_[pixel * 3 + size_t(channel)]
-                         : layer_splats_[layer_index(pixel, layer) + size_t(channel)];
-    }
     int64_t sample_count(size_t pixel) const { return samples_[pixel * 5 + 4]; }
 
     // Standard error of the picture's luminance by pixel: from the spread of the samples, taken as
-    // independent, and of the batches of splats; share[b] is the part of all splats in batch b.
-    void develop_error(float* error, double splats_per_pixel, const double share[batches],
-                       double exposure) const;
+    // independent, and of what so many units have splatted.
+    void develop_error(float* error, double splats_per_pixel, int64_t units, double exposure) const;
 
     // All sums, to be stored and added again: by name, and as arrays of these dimensions. Not to be
     // touched while units are running.
@@ -117,12 +114,15 @@ private:
     size_t layer_index(size_t pixel, int layer) const {
         return (pixel * size_t(layers_) + size_t(layer)) * 3;
     }
-    // Those of a unit, which has one batch, are close together.
-    size_t batch_index(size_t pixel, int batch) const {
-        return size_t(batch) * size_t(width_) * size_t(height_) + pixel;
+    void add_parts(size_t pixel, const double all[3], double scale, const LayerSums& parts);
+    // Of a picture's pixel.
+    double mean(size_t pixel, int channel, double splats_per_pixel) const {
+        const int64_t* s = &samples_[pixel * 5];
+        double value = s[4] > 0 ? double(s[channel]) / (double(s[4]) * sample_weight_) : 0;
+        if (splats_per_pixel > 0 && has_splats())
+            value += double(splats_[pixel * 3 + size_t(channel)]) / splats_per_pixel;
+        return value / scale_;
     }
-    void add_parts(std::vector<int64_t>& sums, size_t pixel, const double all[3],
-                   const LayerSums& parts);
     void add(int64_t& sum, double fixed) {
         if (!(std::fabs(fixed) < limit)) {
             overflows_.fetch_add(1, std::memory_order_relaxed);
@@ -143,12 +143,12 @@ private:
     static constexpr double square_unit = 0x1p-32;
 
     int width_, height_, layers_;
-    double scale_;
-    std::vector<int64_t> samples_;                       // r, g, b, alpha, count per pixel
-    std::vector<int64_t> splats_;                        // r, g, b per pixel
-    std::vector<int64_t> squares_;                       // of the samples' luminance, per pixel
-    std::vector<int64_t> batch_sums_;                    // luminance of splats per batch and pixel
-    std::vector<int64_t> layer_samples_, layer_splats_;  // r, g, b per pixel and layer
+    double scale_, sample_weight_;
+    std::vector<int64_t> samples_;        // r, g, b, all weighted, alpha, count per pixel
+    std::vector<int64_t> splats_;         // r, g, b per pixel
+    std::vector<int64_t> squares_;        // of the samples' luminance, per pixel
+    std::vector<int64_t> splat_squares_;  // of the luminance of each unit's splats, per pixel
+    std::vector<int64_t> layer_sums_;     // r, g, b per pixel and layer
     std::atomic<uint64_t> overflows_{0};
 };
 

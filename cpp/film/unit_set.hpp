@@ -24,16 +24,6 @@ public:
     int64_t prefix() const {
         return !ranges_.empty() && ranges_.front().first == 0 ? ranges_.front().second : 0;
     }
-    // Units u with (u / in_turn) mod batches = batch.
-    int64_t count_of_batch(int batch, int batches, int64_t in_turn) const {
-        const auto below = [&](int64_t n) {
-            const int64_t cycle = batches * in_turn, rest = n % cycle - batch * in_turn;
-            return n / cycle * in_turn + std::clamp(rest, int64_t(0), in_turn);
-        };
-        int64_t n = 0;
-        for (const auto& [first, last] : ranges_) n += below(last) - below(first);
-        return n;
-    }
     bool overlaps(const Range& range) const {
         return std::ranges::any_of(ranges_, [&](const Range& other) {
             return range.first < other.second && other.first < range.second;

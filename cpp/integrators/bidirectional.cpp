@@ -10,7 +10,7 @@ struct FilmSink {
     const PixelFilter& filter;
     float reduction;
     Film& film;
-    int batch;
+    UnitSplats* unit;
     LayerScratch* layers;  // null: the film has none
     Spectrum sum;
     int x = 0, y = 0;  // of the splat
@@ -39,7 +39,7 @@ struct FilmSink {
             add_to_layers(sample, sample.value, layers->classes, *parts);
         }
         if (splats)
-            film.add_splat(x, y, sample.value, batch, parts);
+            film.add_splat(x, y, sample.value, unit, parts);
         else
             sum += sample.value;
     }
@@ -49,9 +49,9 @@ struct FilmSink {
 
 void render_bidirectional_unit(const Scene& scene, const Settings& settings, const Tiles& tiles,
                                int64_t index, StrategyScratch& scratch, LayerScratch* layers,
-                               Film& film, UnitStatistics& statistics) {
+                               Film& film, UnitSplats* splats, UnitStatistics& statistics) {
     const Tiles::Unit unit = tiles.unit(index);
-    FilmSink sink{settings.filter, float(settings.reduction), film, unit.batch(), layers, {}};
+    FilmSink sink{settings.filter, float(settings.reduction), film, splats, layers, {}};
     StrategySampler sampler(scene, settings, scratch, statistics, sink);
     for (int y = unit.y0; y < unit.y1; ++y)
         for (int x = unit.x0; x < unit.x1; ++x) {

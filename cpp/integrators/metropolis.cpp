@@ -285,7 +285,8 @@ void add_direct_light(const Scene& scene, const MetropolisPlan& plan,
 }  // namespace
 
 void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int64_t index,
-                            MetropolisScratch& scratch, Film& film, UnitStatistics& statistics) {
+                            MetropolisScratch& scratch, Film& film, UnitSplats* splats,
+                            UnitStatistics& statistics) {
     MetropolisUnitStatistics& counts = scratch.statistics;
     counts.reset();
     RayCounters& rays = scratch.context.rays;
@@ -297,7 +298,7 @@ void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int6
                                .reduction = float(plan.paths.reduction),
                                .classes = &counts.classes,
                                .scale = 0,
-                               .batch = static_cast<int>(index % Film::batches),
+                               .unit = splats,
                                .layers = scratch.layers};
     scratch.path.layers = scratch.layers;
     LayerSums* const parts = scratch.layers ? &scratch.layers->sample : nullptr;
@@ -305,7 +306,7 @@ void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int6
 
     // Camera samples; splats of the film are normalised by the number of mutations.
     const double samples = plan.pixels.samples_per_pixel() * plan.image_pixels;
-    const double splat_scale = double(plan.mutations_per_unit()) / samples;
+    const double splat_scale = plan.mutations_per_sample();
     scratch.bootstrap.begin_pixels(unit_key(plan.paths, 3, 0));
     plan.pixels.for_each(index, unit_key(plan.paths, 4, 0), [&](const PixelSubset::Place& place) {
         double sum[4] = {0, 0, 0, 0};

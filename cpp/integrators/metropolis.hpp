@@ -26,6 +26,9 @@ struct MetropolisPlan {
     MetropolisPlan(const Scene& scene, const Settings& settings);
 
     int64_t mutations_per_unit() const { return int64_t(chains) * steps; }
+    double mutations_per_sample() const {
+        return double(mutations_per_unit()) / (pixels.samples_per_pixel() * image_pixels);
+    }
     // Leaves chains out where the units of one pass over the pixels would be more than so much work
     // per pixel.
     void shorten(double work_per_pixel);
@@ -69,6 +72,7 @@ struct MetropolisScratch {
 };
 
 void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int64_t index,
-                            MetropolisScratch& scratch, Film& film, UnitStatistics& statistics);
+                            MetropolisScratch& scratch, Film& film, UnitSplats* splats,
+                            UnitStatistics& statistics);
 
 }  // namespace usdmlt

@@ -63,9 +63,10 @@ std::unique_ptr<const MetropolisPlan> again(const MetropolisPlan* plan, uint64_t
     return copy;
 }
 
-// Units, or of tiles passes, go to the batches in turn.
-Development development_of(const MetropolisPlan* plan, const Tiles& tiles, const Scene& scene) {
-    return {plan ? plan->mutations_per_unit() : 0, plan ? 1 : tiles.count(), scene.exposure};
+double sample_weight(const MetropolisPlan* plan) { return plan ? plan->mutations_per_sample() : 1; }
+
+Development development_of(const MetropolisPlan* plan, const Scene& scene) {
+    return {plan ? plan->mutations_per_unit() : 0, scene.exposure};
 }
 
 // Memory of one rendering thread.
@@ -74,6 +75,7 @@ struct ThreadState {
     std::unique_ptr<StrategyScratch> bidirectional;
     std::unique_ptr<MetropolisScratch> metropolis;
     std::unique_ptr<LayerScratch> layers;
+    std::unique_ptr<UnitSplats> splats;  // null: the film has no errors
     UnitStatistics statistics;
     double cpu_seconds = 0;
 
@@ -82,6 +84,7 @@ struct ThreadState {
         if (settings.integrator == IntegratorKind::bidirectional)
             bidirectional = std::make_unique<StrategyScratch>(settings.depth);
         if (plan) metropolis = std::make_unique<MetropolisScratch>(scene, *plan);
+        if (settings.error_layer) splats = std::make_unique<UnitSplats>();
         if (!settings.layers) return;
         layers = std::make_unique<LayerScratch>(
             LayerScratch{LightPathClasses(scene, *settings.layers), {}, {}});
@@ -94,15 +97,19 @@ void render_unit(const Scene& scene, const Settings& settings, const MetropolisP
                  const Tiles& tiles, int64_t index, ThreadState& thread, Film& film) {
     switch (settings.integrator) {
         case IntegratorKind::path:
-            return render_path_unit(scene, settings, tiles, index, thread.path, film,
-                                    thread.statistics);
+            render_path_unit(scene, settings, tiles, index, thread.path, film, thread.statistics);
+            break;
         case IntegratorKind::bidirectional:
-            return render_bidirectional_unit(scene, settings, tiles, index, *thread.bidirectional,
-                                             thread.layers.get(), film, thread.statistics);
+            render_bidirectional_unit(scene, settings, tiles, index, *thread.bidirectional,
+                                      thread.layers.get(), film, thread.splats.get(),
+                                      thread.statistics);
+            break;
         case IntegratorKind::metropolis:
-            return render_metropolis_unit(scene, *plan, index, *thread.metropolis, film,
-                                          thread.statistics);
+            render_metropolis_unit(scene, *plan, index, *thread.metropolis, film,
+                                   thread.splats.get(), thread.statistics);
+            break;
     }
+    if (thread.splats) film.add_squares(*thread.splats);
 }
 
 }  // namespace
@@ -116,10 +123,10 @@ Render::Render(std::shared_ptr<const Scene> scene, const Settings& settings)
                       ? std::make_unique<MetropolisPlan>(*scene_, settings_)
                       : nullptr),
       pilot_mean_(mean_radiance(*scene_, settings_)),
-      film_(tiles_.width, tiles_.height, film_scale(pilot_mean_),
+      film_(tiles_.width, tiles_.height, film_scale(pilot_mean_), sample_weight(metropolis_.get()),
             settings_.integrator != IntegratorKind::path, settings_.error_layer,
             settings_.layers ? settings_.layers->layers : 0),
-      development_(development_of(metropolis_.get(), tiles_, *scene_)),
+      development_(development_of(metropolis_.get(), *scene_)),
       statistics_(settings_.depth) {}
 
 Render::Render(const Render& other, uint64_t seed, int samples)
@@ -128,8 +135,9 @@ Render::Render(const Render& other, uint64_t seed, int samples)
       tiles_(other.tiles_),
       metropolis_(again(other.metropolis_.get(), seed, samples)),
       pilot_mean_(other.pilot_mean_),
-      film_(tiles_.width, tiles_.height, other.film_.scale(), other.film_.has_splats(), false),
-      development_(development_of(metropolis_.get(), tiles_, *scene_)),
+      film_(tiles_.width, tiles_.height, other.film_.scale(), sample_weight(metropolis_.get()),
+            other.film_.has_splats(), false),
+      development_(development_of(metropolis_.get(), *scene_)),
       statistics_(settings_.depth) {
     settings_.seed = seed;
     settings_.samples = samples;
@@ -217,8 +225,10 @@ RayRecorder Render::record_rays(size_t count) const {
     const FlushDenormals flush;
     Settings settings = settings_;
     settings.layers = nullptr;
+    settings.error_layer = false;
     ThreadState state(*scene_, settings, metropolis_.get());
-    Film film(film_.width(), film_.height(), film_.scale(), film_.has_splats(), false);
+    Film film(film_.width(), film_.height(), film_.scale(), film_.sample_weight(),
+              film_.has_splats(), false);
     RayRecorder recorder;
     state.statistics.rays.recorder = &recorder;
     for (int64_t i = 0; i < units_total() && recorder.entries.size() < count; ++i)

@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "film/film.hpp"
-
 namespace usdmlt {
 
 struct Tiles {
@@ -24,7 +22,6 @@ struct Tiles {
     struct Unit {
         int x0, y0, x1, y1;
         uint32_t pass;
-        int batch() const { return static_cast<int>(pass % Film::batches); }
     };
     Unit unit(int64_t index) const {
         const int64_t tile = index % count();

@@ -83,24 +83,23 @@ py::array_t<uint32_t> sample_counts(const Film& film) {
 
 void bind_film(py::module_& module) {
     py::class_<Film>(module, "Film")
-        .def(py::init<int, int, double, bool, bool, int>(), py::arg("width"), py::arg("height"),
-             py::arg("scale"), py::arg("splats"), py::arg("error"), py::arg("layers"))
+        .def(py::init<int, int, double, double, bool, bool, int>(), py::arg("width"),
+             py::arg("height"), py::arg("scale"), py::arg("sample_weight"), py::arg("splats"),
+             py::arg("error"), py::arg("layers"))
         .def_property_readonly("scale", &Film::scale)
+        .def_property_readonly("sample_weight", &Film::sample_weight)
         .def_property_readonly("has_splats", &Film::has_splats)
         .def_property_readonly("has_error", &Film::has_error)
         .def_property_readonly("layers", &Film::layers)
         .def_property_readonly("overflows", &Film::overflows)
         .def("planes", &planes,
-             "Its sums by name, int64, as views that change while units run; rows are second to "
-             "the batch where there are batches.")
+             "Its sums by name, int64, rows first, as views that change while units run.")
         .def("add", &add, py::arg("sums"),
              "Adds the planes of a film of the same size; ValueError where it is of another.")
         .def("sample_counts", &sample_counts, "Camera samples by pixel, (height, width) uint32.");
     py::class_<Development>(module, "Development")
-        .def(py::init<int64_t, int64_t, double>(), py::arg("mutations_per_unit"),
-             py::arg("units_in_turn"), py::arg("exposure"))
+        .def(py::init<int64_t, double>(), py::arg("mutations_per_unit"), py::arg("exposure"))
         .def_readonly("mutations_per_unit", &Development::mutations_per_unit)
-        .def_readonly("units_in_turn", &Development::units_in_turn)
         .def_readonly("exposure", &Development::exposure)
         .def("image", &image, py::arg("film"), py::arg("units"),
              "Linear premultiplied RGBA of a film with these units, (height, width, 4) float32.")

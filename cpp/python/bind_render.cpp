@@ -124,21 +124,6 @@ py::array_t<float> layer(const Render& render, int index) {
     return out;
 }
 
-// (2, height, width, 3): sums of samples and of splats, as the film has them.
-py::array_t<int64_t> sums(const Render& render, int index) {
-    const Film& film = render.film();
-    if (index < -1 || index >= film.layers()) throw py::index_error("no such layer");
-    py::array_t<int64_t> out({2, film.height(), film.width(), 3});
-    int64_t* data = out.mutable_data();
-    const size_t pixels = size_t(film.width()) * film.height();
-    for (size_t i = 0; i < pixels; ++i)
-        for (int c = 0; c < 3; ++c) {
-            data[i * 3 + size_t(c)] = film.sample_sum(i, c, index);
-            data[(pixels + i) * 3 + size_t(c)] = film.splat_sum(i, c, index);
-        }
-    return out;
-}
-
 // Mean luminance by class of path, of the chains.
 std::map<uint64_t, double> class_energy(const Render& render) {
     return render.metropolis_statistics().energy(render.film().scale(),
@@ -295,9 +280,6 @@ void bind_render(py::module_& module) {
         .def("error", &error, "Standard error of the image's luminance, (height, width) float32.")
         .def("layer", &layer, py::arg("index"),
              "A layer of light paths, (height, width, 3) float32.")
-        .def("sums", &sums, py::arg("layer") = -1,
-             "The film's own sums of samples and of splats, (2, height, width, 3) int64, of a "
-             "layer, or of the picture (-1).")
         .def("stats", &stats)
         .def(
             "replay_rays_per_cpu_second",

@@ -69,7 +69,7 @@ def _film(part: RenderPart) -> _core.Film:
     film: _core.Film = native.core().Film(
         image.width,
         image.height,
-        part.scale,
+        *part.scales,
         splats="splats" in sums,
         error="squares" in sums,
         layers=len(part.light_layers),

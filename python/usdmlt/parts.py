@@ -30,7 +30,7 @@ from usdmlt.layers import Layer
 from usdmlt.units import Range, joined
 
 ATTRIBUTE = "part"  # as usdmlt:part
-FORMAT = 1
+FORMAT = 2
 _SEAL = b"usdmlt-sha256:"
 _SEAL_SIZE = len(_SEAL) + 64
 
@@ -70,17 +70,18 @@ def added(a: dict[str, Any], b: dict[str, Any]) -> dict[str, Any]:
 class RenderPart:
     """A part of a render, as a file has it.
 
-    ``units_total``: of the whole. ``development``: mutations per unit, units in turn and exposure
-    (cpp/film/development.hpp). ``scale``: of the film. ``light_layers``: names of the layers that
-    the film has, in its order. ``samples_per_unit``: on average. ``making``: how to make the
-    picture again, as :class:`usdmlt.making.Making` has it. ``image``: the picture of the units.
+    ``units_total``: of the whole. ``scales``: of the film, of radiance and the weight of samples
+    (cpp/film/film.hpp). ``development``: mutations per unit and exposure
+    (cpp/film/development.hpp). ``light_layers``: names of the layers that the film has, in its
+    order. ``samples_per_unit``: on average. ``making``: how to make the picture again, as
+    :class:`usdmlt.making.Making` has it. ``image``: the picture of the units.
     """
 
     fingerprint: Fingerprint
     state: State
     units_total: int
-    scale: float
-    development: tuple[int, int, float]
+    scales: tuple[float, float]
+    development: tuple[int, float]
     light_layers: tuple[str, ...]
     samples_per_unit: float
     making: dict[str, Any] | None
@@ -119,7 +120,7 @@ def write(
         "fingerprint": part.fingerprint,
         "saved": part.state.saved,
         "units_total": part.units_total,
-        "scale": part.scale,
+        "scales": part.scales,
         "development": part.development,
         "light_layers": part.light_layers,
         "samples_per_unit": part.samples_per_unit,
@@ -165,13 +166,14 @@ def read(path: str | os.PathLike[str]) -> RenderPart:
         )
         lights = tuple(header["light_layers"])
         sums = {name: _sums(name, channels, len(lights)) for name, channels in planes.items()}
-        mutations, in_turn, exposure = header["development"]
+        scale, sample_weight = header["scales"]
+        mutations, exposure = header["development"]
         return RenderPart(
             header["fingerprint"],
             State(sums, header["saved"]),
             header["units_total"],
-            header["scale"],
-            (mutations, in_turn, exposure),
+            (scale, sample_weight),
+            (mutations, exposure),
             lights,
             header["samples_per_unit"],
             header["making"],
@@ -189,9 +191,7 @@ def _part_of_sums(
     attributes: dict[str, Any],
     window: dict[str, int] | None,
 ) -> Part:
-    """Batches, which are the first dimension, and what a pixel has are numbers side by side."""
-    if name == "batches":
-        plane = np.moveaxis(plane, 0, -1)
+    """What a pixel has are numbers side by side."""
     height, width = plane.shape[:2]
     columns = np.ascontiguousarray(plane).reshape(height, width, -1)
     words = columns.astype("<i8", copy=False).view("<u4")
@@ -212,11 +212,9 @@ def _sums(name: str, channels: Channels, lights: int) -> npt.NDArray[np.int64]:
         for half, word in enumerate(("low", "high")):
             words[..., 2 * number + half] = channels[f"{number:03}.{word}"]
     plane = words.view("<i8").astype(np.int64, copy=False)
-    if name == "batches":
-        return np.ascontiguousarray(np.moveaxis(plane, -1, 0))
-    if name == "squares":
+    if name.endswith("squares"):
         return plane[..., 0]
-    return plane.reshape(height, width, lights, 3) if name.startswith("layer") else plane
+    return plane.reshape(height, width, lights, 3) if name == "layers" else plane
 
 
 def _metadata(spec: Any) -> dict[str, Any]:

@@ -182,7 +182,7 @@ def main() -> None:
     width, height = map(int, arguments.pixels.split("x"))
     each = 48 + 24 * arguments.layers
     if arguments.integrator == "mlt":
-        each = 200 + 48 * arguments.layers
+        each += 32
     film, network = float(width * height * each), arguments.gigabits * 1e9 / 8
     costs = measured_costs()
     print(

@@ -47,9 +47,8 @@ def test_the_integers_come_back_bit_by_bit(rendering, tmp_path, compression) -> 
         "samples",
         "splats",
         "squares",
-        "batches",
-        "layer_samples",
-        "layer_splats",
+        "splat_squares",
+        "layers",
     }
     parts.write(tmp_path / "a.exr", part, compression)
     again = parts.read(tmp_path / "a.exr")

@@ -105,7 +105,7 @@ def test_the_sums_of_another_film_are_refused(stage) -> None:
 
 
 def test_sums_that_do_not_fit_are_counted() -> None:
-    film = core().Film(2, 1, 1.0, splats=False, error=False, layers=0)
+    film = core().Film(2, 1, 1.0, 1.0, splats=False, error=False, layers=0)
     sums = {"samples": np.full((1, 2, 5), 2**61, np.int64)}
     film.add(sums)
     assert film.overflows == 0

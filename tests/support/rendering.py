@@ -55,3 +55,15 @@ def pictures(scene, integrator: str, seeds: int | Iterable[int], **settings: obj
     built = build(scene) if isinstance(scene, Scene) else scene
     seeds = range(seeds) if isinstance(seeds, int) else seeds
     return np.stack([picture(built, integrator, seed=seed, **settings) for seed in seeds])
+
+
+def picture_sums(render) -> np.ndarray:
+    """Samples and splats of the picture together, (height, width, 3) integers."""
+    planes = render.film.planes()
+    sums = planes["samples"][..., :3].copy()
+    return sums + planes["splats"] if "splats" in planes else sums
+
+
+def layer_sums(render, index: int) -> np.ndarray:
+    """Those of a layer, (height, width, 3) integers."""
+    return render.film.planes()["layers"][:, :, index].copy()
