@@ -32,9 +32,8 @@ def reported_over_observed(
 
 @pytest.mark.parametrize("name", ["smooth_glass", "clipped_and_mirrored_camera"])
 def test_the_reported_error_of_chains_is_their_spread(name: str) -> None:
-    """Twenty-one units in sixteen batches, five of which have two: units are independent, so the
-    batches tell the variance. With 384 pixels and 24 seeds the ratio is known to some 5 %, clumps
-    in caustics included; a wrong number of degrees of freedom or a share of the work left out
+    """Units are independent, so they tell the variance. With 384 pixels and 24 seeds the ratio is
+    known to some 5 %, clumps in caustics included; squares of splats instead of those of units
     would be seen, and in the second scene an exposure that is not in both."""
     ratio = reported_over_observed(name, "mlt", 21, 24, direct="mlt", selective=False, depth=6)
     assert ratio == pytest.approx(1, abs=0.2)

@@ -23,7 +23,7 @@ from usdmlt.testing.cells import CHANNELS, FAINT, LUMINANCE, Array, halved, loca
 from usdmlt.testing.outcome import Finding, Outcome
 from usdmlt.testing.statistics import SIGNIFICANCE
 
-FREEDOM = 15.0  # of an error from sixteen batches
+FREEDOM = 15.0  # of an error from sixteen units or samples; most are from more
 FEWEST_CELLS = 32  # from which a median is told
 MEDIAN = 0.6745  # of |z| of a standard normal number
 
