@@ -15,9 +15,6 @@ import pytest
 
 import usdmlt
 
-# Schedulers and workers of their own: minutes, and whatever else the machine does matters.
-pytestmark = pytest.mark.slow
-
 SCENE = Path(__file__).parents[2] / "scenes" / "cornell_box.usda"
 
 
@@ -59,6 +56,7 @@ def test_a_chunk_is_rendered_by_workers(tmp_path) -> None:
     assert_same(tmp_path / "a.exr", tmp_path / "b.exr")
 
 
+@pytest.mark.slow
 def test_frames_are_one_job_on_a_cluster(cluster, tmp_path) -> None:
     cluster.add("a")
     cluster.add("b")
@@ -74,6 +72,7 @@ def test_frames_are_one_job_on_a_cluster(cluster, tmp_path) -> None:
         assert_same(tmp_path / f"a.{frame}.exr", tmp_path / f"b.{frame}.exr")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_to_all_processes_of_a_terminal_keeps_the_work(tmp_path, number) -> None:
     """Ctrl-C reaches the workers as well: they finish what they have."""
