@@ -371,7 +371,7 @@ def render(
     ``preview``: called with the picture so far every ``preview_seconds``, and at last with the
     whole; in a notebook :class:`usdmlt.notebook.Live`.
     ``checkpoint``: a file that has the work so far, as of the command line; ``resume``: go on from
-    it, if it is there yet.
+    it, if it is there yet. Where it cannot be written there is a warning, and the picture.
     ``client``: a ``distributed.Client`` of Dask, whose workers render: the same bits.
     ``options``: the fields of :class:`usdmlt.Settings`: integrator, samples, mutations, time,
     target_error, depth, seed, threads, filter, error, aovs, mutation_weights, direct, selective,
@@ -412,7 +412,10 @@ def render(
                 render_on(client, rendering, progress, lambda: bool(interruption), previews, saved)
         finally:
             if saved is not None:
-                saved.write(rendering)
+                try:
+                    saved.write(rendering)
+                except Error as error:  # for which the picture is not lost
+                    logger.warning("%s", error)
     image = rendering.image()
     for last in previews:
         last.update(image)

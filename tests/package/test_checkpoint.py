@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import random
 import signal
@@ -300,6 +301,30 @@ def test_the_previous_checkpoint_is_kept_where_there_are_no_links(
         checkpoint.write(rendering)
     read = [parts.read(path).state.units for path in (checkpoint.previous, checkpoint.path)]
     assert read == [[(0, 2)], [(0, 5)]]
+
+
+def test_a_previous_checkpoint_that_cannot_be_copied_leaves_no_half_of_it(
+    rendering, tmp_path, monkeypatch
+) -> None:
+    """Where there are no links, and the disk is full."""
+
+    def refuse(*_: object) -> None:
+        raise OSError("no links here")
+
+    def copy_half(source: Path, target: Path) -> None:
+        target.write_bytes(source.read_bytes()[:1000])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "link", refuse)
+    monkeypatch.setattr("shutil.copyfile", copy_half)
+    checkpoint = Checkpoint(tmp_path / "c.exr")
+    rendering.run(until=2)
+    checkpoint.write(rendering)
+    rendering.run(until=5)
+    with pytest.raises(Error, match=r"cannot write .*c\.exr: No space left on device"):
+        checkpoint.write(rendering)
+    assert parts.read(tmp_path / "c.exr").state.units == [(0, 2)]
+    assert {path.name for path in tmp_path.glob("*c.*")} == {"c.exr"}
 
 
 def test_a_checkpoint_of_which_only_the_previous_is_left_is_not_begun_anew(
