@@ -120,8 +120,8 @@ class Checkpoint:
 
     def write(self, rendering: Rendering) -> None:
         """Write it, unless the file has all of the work; :class:`usdmlt.Error` where that fails,
-        and the file is then as it was."""
-        if rendering.units_done == self._units:
+        and the file is then as it was. A rendering that has lost its work leaves it so too."""
+        if rendering.units_done <= self._units:
             return
         started = perf_counter()
         try:

@@ -154,7 +154,8 @@ class Rendering:
         thread about ten times a second; units that have started by then are finished.
         ``previews`` are shown the picture so far, each in its time, which does not count;
         ``checkpoint`` is written now and then.
-        Returns whether all units are done.
+        Returns whether all units are done. MemoryError where a unit cannot be rendered; no unit is
+        done then any more, as some were begun.
         """
         self.see_surfaces(stop)
         last = self.units_total if until is None else min(until, self.units_total)

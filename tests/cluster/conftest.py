@@ -54,9 +54,19 @@ class Cluster:
             stderr=subprocess.DEVNULL,
         )
 
-    def add(self, name: str, threads: int = 1, path: Path | None = None) -> None:
-        """Start a worker; ``path``: that modules are looked for in first."""
-        arguments = ["worker", self.address, "--host", "127.0.0.1", "--no-dashboard", "--no-nanny"]
+    def add(
+        self,
+        name: str,
+        threads: int = 1,
+        path: Path | None = None,
+        memory: str = "auto",
+        nanny: bool = False,
+    ) -> None:
+        """Start a worker. ``path``: that modules are looked for in first; ``memory``: that it may
+        have, in Dask's words; ``nanny``: whether it is started again when it is killed, and killed
+        when it has more."""
+        arguments = ["worker", self.address, "--host", "127.0.0.1", "--no-dashboard"]
+        arguments += ["--memory-limit", memory, "--nanny" if nanny else "--no-nanny"]
         arguments += ["--nthreads", str(threads), "--name", name, *self.tls]
         self.workers[name] = self._start(arguments, path)
 
@@ -80,7 +90,8 @@ class Cluster:
         from distributed import Client
 
         with Client(self.address, timeout=30, set_as_default=False, **options) as client:
-            client.wait_for_workers(workers, timeout=60)
+            if workers:
+                client.wait_for_workers(workers, timeout=60)
             yield client
 
 
