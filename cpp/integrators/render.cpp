@@ -203,7 +203,7 @@ int64_t Render::run(int64_t first, int64_t last, const RunLimits& limits) {
     if (done_.overlaps({first, last})) throw std::invalid_argument("units are done already");
     const auto start = std::chrono::steady_clock::now();
     std::vector<std::unique_ptr<ThreadState>> threads(static_cast<size_t>(limits.threads));
-    const int64_t end = run_units(first, last, limits, [&](int64_t index, int thread) {
+    const auto unit = [&](int64_t index, int thread) {
         auto& state = threads[static_cast<size_t>(thread)];
         if (!state) state = std::make_unique<ThreadState>(*scene_, settings_, metropolis_.get());
         const double cpu = thread_cpu_seconds();
@@ -213,7 +213,14 @@ int64_t Render::run(int64_t first, int64_t last, const RunLimits& limits) {
         if (state->metropolis)
             metropolis_statistics_.add(state->metropolis->statistics, film_.scale());
         state->cpu_seconds += thread_cpu_seconds() - cpu;
-    });
+    };
+    int64_t end = first;
+    try {
+        end = run_units(first, last, limits, unit);
+    } catch (...) {
+        clear();  // the film has some of units that are not done
+        throw;
+    }
     for (const auto& state : threads)
         if (state) cpu_seconds_ += state->cpu_seconds;
     seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -3,7 +3,10 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <exception>
 #include <mutex>
+#include <new>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -25,26 +28,43 @@ int64_t run_units(int64_t first, int64_t last, const RunLimits& limits,
     std::atomic<bool> stop{false};
     std::mutex mutex;
     std::condition_variable finished;
-    int running = limits.threads;
+    int running = 0;
+    std::exception_ptr failure;  // the first
 
     const auto work = [&](int thread) {
         const FlushDenormals flush;
-        while (!stop.load(std::memory_order_relaxed)) {
-            if (late()) break;
-            int64_t index = next.load();
-            while (index < last && !next.compare_exchange_weak(index, index + 1)) {
+        std::exception_ptr caught;
+        try {
+            while (!stop.load(std::memory_order_relaxed)) {
+                if (late()) break;
+                int64_t index = next.load();
+                while (index < last && !next.compare_exchange_weak(index, index + 1)) {
+                }
+                if (index >= last) break;
+                unit(index, thread);
             }
-            if (index >= last) break;
-            unit(index, thread);
+        } catch (...) {
+            caught = std::current_exception();
+            stop = true;
         }
         const std::lock_guard lock(mutex);
+        if (!failure) failure = caught;
         --running;
         finished.notify_one();
     };
     std::vector<std::thread> pool;
-    for (int i = 0; i < limits.threads; ++i) pool.emplace_back(work, i);
+    pool.reserve(static_cast<size_t>(limits.threads));
     {
         std::unique_lock lock(mutex);
+        for (int i = 0; i < limits.threads; ++i) {
+            try {
+                pool.emplace_back(work, i);
+                ++running;
+            } catch (const std::system_error&) {
+                break;  // no memory for its stack: fewer do the same
+            }
+        }
+        if (pool.empty()) throw std::bad_alloc();
         while (!finished.wait_for(lock, std::chrono::milliseconds(100),
                                   [&] { return running == 0; })) {
             lock.unlock();
@@ -53,6 +73,7 @@ int64_t run_units(int64_t first, int64_t last, const RunLimits& limits,
         }
     }
     for (std::thread& t : pool) t.join();
+    if (failure) std::rethrow_exception(failure);
     return next.load();
 }
 

@@ -14,7 +14,8 @@ struct RunLimits {
 };
 
 // Runs unit(index, thread) for index = first, first + 1, … < last. Every unit that was started is
-// finished: the result n means that exactly the units first … n − 1 are done.
+// finished: the result n means that exactly the units first … n − 1 are done. What a unit throws is
+// thrown when those that were started have ended; std::bad_alloc where no thread can be.
 int64_t run_units(int64_t first, int64_t last, const RunLimits& limits,
                   const std::function<void(int64_t index, int thread)>& unit);
 

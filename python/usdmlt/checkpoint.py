@@ -49,6 +49,7 @@ class Checkpoint:
         self.seconds = seconds
         self._cost = 0.0
         self._units = 0
+        self._failure = ""
         self._due: float | None = None
         self._asked = Interruption(*_ASKING, always=True)
         files.check_writable(path)
@@ -104,22 +105,29 @@ class Checkpoint:
         return 0.0 if self._asked else self._due - now
 
     def update(self, rendering: Rendering) -> None:
-        """Write it while the render goes on, which it does where that fails: with a warning."""
+        """Write it while the render goes on, which it does where that fails: with a warning, once
+        for each reason."""
         try:
             self.write(rendering)
-        except (Error, MemoryError) as error:
-            logger.warning("%s; the render goes on, and tries again", error or "out of memory")
+            self._failure = ""
+        except Error as error:
+            if str(error) != self._failure:
+                logger.warning("%s; the render goes on, and tries again", error)
+            self._failure = str(error)
         self._asked.signal = None
         pause = self.seconds or max(SECONDS, self._cost / LARGEST_SHARE)
         self._due = perf_counter() + pause
 
     def write(self, rendering: Rendering) -> None:
         """Write it, unless the file has all of the work; :class:`usdmlt.Error` where that fails,
-        and the file is then as it was."""
-        if rendering.units_done == self._units:
+        and the file is then as it was. A rendering that has lost its work leaves it so too."""
+        if rendering.units_done <= self._units:
             return
         started = perf_counter()
-        parts.write(self.path, rendering.part(), compression="none", before=self._keep)
+        try:
+            parts.write(self.path, rendering.part(), compression="none", before=self._keep)
+        except MemoryError:
+            raise Error(f"cannot write {self.path}: out of memory") from None
         self._units = rendering.units_done
         self._cost = perf_counter() - started
         logger.debug("wrote %s in %.2f s", self.path, self._cost)
@@ -131,10 +139,13 @@ class Checkpoint:
             second_name = path.with_name(f".{previous.name}")
             second_name.unlink(missing_ok=True)
             try:
-                os.link(path, second_name)
-            except OSError:  # there are file systems without links
-                shutil.copyfile(path, second_name)
-            os.replace(second_name, previous)
+                try:
+                    os.link(path, second_name)
+                except OSError:  # there are file systems without links
+                    shutil.copyfile(path, second_name)
+                os.replace(second_name, previous)
+            finally:
+                second_name.unlink(missing_ok=True)
 
 
 def open_checkpoint(

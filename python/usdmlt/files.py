@@ -50,9 +50,20 @@ def replacing(
         if durable and os.name == "posix":
             _sync(final.parent)
     except OSError as error:
-        raise Error(f"cannot write {path}: {error.strerror or error}") from error
+        reason = error.strerror or _refusal(temporary) or error
+        raise Error(f"cannot write {path}: {reason}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _refusal(path: Path) -> str | None:
+    """Why the system lets a file not grow, which OpenImageIO does not tell; None where it does."""
+    try:
+        with open(path, "ab") as file:
+            file.write(bytes(2**20))
+    except OSError as error:
+        return error.strerror
+    return None
 
 
 def _sync(path: Path) -> None:

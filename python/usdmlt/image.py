@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from usdmlt import color, exr, files, views
 from usdmlt.errors import UsageError
-from usdmlt.image_files import Part, png_of, rgb, write_parts
+from usdmlt.image_files import Part, encoded, png_of, rgb, write_parts
 from usdmlt.layers import Layer
 from usdmlt.layers import of as layer_of
 
@@ -85,10 +85,14 @@ class Image:
         file cannot be written; an existing file of that name is then as it was.
         """
         target, how_exr = check_extension(path), exr.Format(**how)
-        is_exr = target.suffix.lower() == ".exr"
-        parts = exr.parts(self, how_exr) if is_exr else [self._view(view)]
-        with files.replacing(target) as temporary:
-            write_parts(temporary, parts)
+        if target.suffix.lower() == ".exr":
+            parts = exr.parts(self, how_exr)
+            with files.replacing(target) as temporary:
+                write_parts(temporary, parts)
+        else:
+            shown = self._view(view)
+            with files.replacing(target) as temporary:
+                temporary.write_bytes(encoded(shown, target.suffix))
 
     def png(self, view: str = "sRGB") -> bytes:
         """A PNG of the view, as bytes."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import groupby
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -21,11 +20,6 @@ COMPRESSIONS = ("none", "rle", "zip", "zips", "piz", *sorted(LOSSY))
 
 # As OpenImageIO names them.
 _FORMATS = {"float16": "half", "float32": "float", "uint8": "uint8", "uint32": "uint"}
-_ENDS = {
-    ".png": b"\x00\x00\x00\x00IEND\xaeB`\x82",
-    ".jpg": b"\xff\xd9",
-    ".jpeg": b"\xff\xd9",
-}
 # OpenImageIO takes the channels of a part as one type, floats, of which 1.0 is the largest uint32.
 # On the way to whole numbers and back all below this one stay what they are.
 EXACT_IDS = 2**24
@@ -57,31 +51,27 @@ class Part:
 
 
 def write_parts(path: Path, parts: Sequence[Part], thorough: bool = True) -> None:
-    """Write the file and make sure that all of it is there; OSError otherwise.
+    """Write an EXR and make sure that all of it is there; OSError otherwise.
 
     ``thorough``: all of it is read again. Else the last row of each part is, which is enough to see
     that its end was written.
     """
-    import OpenImageIO as oiio
-
-    pixels = [part.pixels for part in parts]
-    specs = [
-        _spec(part, values.dtype, path.suffix.lower() == ".exr")
-        for part, values in zip(parts, pixels, strict=True)
-    ]
-    file = oiio.ImageOutput.create(os.fspath(path))
-    if file is None:
-        raise OSError(one_line(oiio.geterror()))
-    written = file.open(os.fspath(path), specs if len(specs) > 1 else specs[0])
-    for number, (values, spec) in enumerate(zip(pixels, specs, strict=True)):
-        if number:
-            written = written and file.open(os.fspath(path), spec, "AppendSubimage")
-        written = written and file.write_image(values)
-    written = file.close() and written
-    if not written or file.has_error:
-        raise OSError(one_line(file.geterror()))
+    _write(os.fspath(path), "openexr", parts)
+    # OpenImageIO does not report errors at closing.
     if not (_is_whole(path, parts) if thorough else _has_last_rows(path, parts)):
         raise OSError("the end of the file could not be written; is the disk full?")
+
+
+def encoded(part: Part, suffix: str) -> bytes:
+    """A ``.png`` or ``.jpg`` of (height, width, 3) uint8 as bytes; OSError where there is no room.
+
+    It is made in memory, in which its room is seen to before: libjpeg ends the process where it
+    cannot write.
+    """
+    with open(os.memfd_create("view"), "r+b") as file:
+        os.ftruncate(file.fileno(), 2 * part.pixels.nbytes + 2**16)
+        _write(f"/proc/self/fd/{file.fileno()}", suffix[1:].lower(), [part])
+        return file.read()
 
 
 def read_parts(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Channels]]:
@@ -106,11 +96,8 @@ def read_parts(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Channels]]:
 
 
 def png_of(pixels: npt.NDArray[np.uint8]) -> bytes:
-    """A PNG's bytes, of (height, width, 3) in sRGB. OSError as of :func:`write_parts`."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "view.png"
-        write_parts(path, [Part(rgb(pixels), {"oiio:ColorSpace": "sRGB"})])
-        return path.read_bytes()
+    """A PNG's bytes, of (height, width, 3) in sRGB."""
+    return encoded(Part(rgb(pixels), {"oiio:ColorSpace": "sRGB"}), ".png")
 
 
 def rgb(pixels: npt.NDArray[Any]) -> Channels:
@@ -140,6 +127,28 @@ def _read_channels(file: Any, number: int, spec: Any) -> Channels:
     return channels
 
 
+def _write(path: str, kind: str, parts: Sequence[Part]) -> None:
+    """By the writer of that name."""
+    import OpenImageIO as oiio
+
+    pixels = [part.pixels for part in parts]
+    specs = [
+        _spec(part, values.dtype, kind == "openexr")
+        for part, values in zip(parts, pixels, strict=True)
+    ]
+    file = oiio.ImageOutput.create(kind)
+    if file is None:
+        raise OSError(one_line(oiio.geterror()))
+    written = file.open(path, specs if len(specs) > 1 else specs[0])
+    for number, (values, spec) in enumerate(zip(pixels, specs, strict=True)):
+        if number:
+            written = written and file.open(path, spec, "AppendSubimage")
+        written = written and file.write_image(values)
+    written = file.close() and written
+    if not written or file.has_error:
+        raise OSError(one_line(file.geterror()))
+
+
 def _spec(part: Part, kind: np.dtype[Any], exr: bool) -> Any:
     import OpenImageIO as oiio
 
@@ -159,13 +168,7 @@ def _spec(part: Part, kind: np.dtype[Any], exr: bool) -> Any:
 
 
 def _is_whole(path: Path, parts: Sequence[Part]) -> bool:
-    """Whether the file's end reached the disk: OpenImageIO does not report errors at closing."""
-    end = _ENDS.get(path.suffix.lower())
-    if end is not None:
-        with open(path, "rb") as file:
-            size = file.seek(0, os.SEEK_END)
-            file.seek(-min(len(end), size), os.SEEK_END)
-            return file.read() == end
+    """Whether all of an EXR is what was written, where its compression has no losses."""
     try:
         again = [channels for _, channels in read_parts(path)]
     except OSError:

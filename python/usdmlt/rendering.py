@@ -154,7 +154,8 @@ class Rendering:
         thread about ten times a second; units that have started by then are finished.
         ``previews`` are shown the picture so far, each in its time, which does not count;
         ``checkpoint`` is written now and then.
-        Returns whether all units are done.
+        Returns whether all units are done. MemoryError where a unit cannot be rendered; no unit is
+        done then any more, as some were begun.
         """
         self.see_surfaces(stop)
         last = self.units_total if until is None else min(until, self.units_total)
@@ -371,7 +372,7 @@ def render(
     ``preview``: called with the picture so far every ``preview_seconds``, and at last with the
     whole; in a notebook :class:`usdmlt.notebook.Live`.
     ``checkpoint``: a file that has the work so far, as of the command line; ``resume``: go on from
-    it, if it is there yet.
+    it, if it is there yet. Where it cannot be written there is a warning, and the picture.
     ``client``: a ``distributed.Client`` of Dask, whose workers render: the same bits.
     ``options``: the fields of :class:`usdmlt.Settings`: integrator, samples, mutations, time,
     target_error, depth, seed, threads, filter, error, aovs, mutation_weights, direct, selective,
@@ -412,7 +413,10 @@ def render(
                 render_on(client, rendering, progress, lambda: bool(interruption), previews, saved)
         finally:
             if saved is not None:
-                saved.write(rendering)
+                try:
+                    saved.write(rendering)
+                except Error as error:  # for which the picture is not lost
+                    logger.warning("%s", error)
     image = rendering.image()
     for last in previews:
         last.update(image)

@@ -8,10 +8,10 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -21,22 +21,25 @@ if TYPE_CHECKING:
     from distributed import Client
 
 if find_spec("distributed") is None:
-    collect_ignore = ["test_cluster.py", "test_cli_cluster.py"]
+    collect_ignore_glob = ["test_*cluster.py", "test_tls.py", "test_workers_memory.py"]
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
 
 class Cluster:
-    """``workers``: processes by name, in the order in which they were started."""
+    """``workers``: processes by name, in the order in which they were started. ``tls``: flags that
+    name the certificates of all."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, tls: Sequence[str] = ()) -> None:
         self.folder = folder
+        self.tls = tls
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
-            self.address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-        port = self.address.rpartition(":")[2]
+            port = str(free.getsockname()[1])
+        protocol = "tls" if tls else "tcp"
+        self.address = f"{protocol}://127.0.0.1:{port}"
         arguments = ["scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard"]
-        self.scheduler = self._start(arguments)
+        self.scheduler = self._start([*arguments, "--protocol", protocol, *tls])
         self.workers: dict[str, subprocess.Popen[bytes]] = {}
 
     def _start(self, arguments: list[str], path: Path | None = None) -> subprocess.Popen[bytes]:
@@ -51,10 +54,20 @@ class Cluster:
             stderr=subprocess.DEVNULL,
         )
 
-    def add(self, name: str, threads: int = 1, path: Path | None = None) -> None:
-        """Start a worker; ``path``: that modules are looked for in first."""
-        arguments = ["worker", self.address, "--host", "127.0.0.1", "--no-dashboard", "--no-nanny"]
-        arguments += ["--nthreads", str(threads), "--name", name]
+    def add(
+        self,
+        name: str,
+        threads: int = 1,
+        path: Path | None = None,
+        memory: str = "auto",
+        nanny: bool = False,
+    ) -> None:
+        """Start a worker. ``path``: that modules are looked for in first; ``memory``: that it may
+        have, in Dask's words; ``nanny``: whether it is started again when it is killed, and killed
+        when it has more."""
+        arguments = ["worker", self.address, "--host", "127.0.0.1", "--no-dashboard"]
+        arguments += ["--memory-limit", memory, "--nanny" if nanny else "--no-nanny"]
+        arguments += ["--nthreads", str(threads), "--name", name, *self.tls]
         self.workers[name] = self._start(arguments, path)
 
     def kill(self, name: str) -> None:
@@ -73,12 +86,19 @@ class Cluster:
             process.wait()
 
     @contextlib.contextmanager
-    def client(self, workers: int) -> Iterator[Client]:
+    def client(self, workers: int, **options: Any) -> Iterator[Client]:
         from distributed import Client
 
-        with Client(self.address, timeout=30, set_as_default=False) as client:
-            client.wait_for_workers(workers, timeout=60)
+        with Client(self.address, timeout=30, set_as_default=False, **options) as client:
+            if workers:
+                client.wait_for_workers(workers, timeout=60)
             yield client
+
+
+@pytest.fixture(scope="session")
+def start_cluster() -> type[Cluster]:
+    """Starts a scheduler in a folder, which the test stops."""
+    return Cluster
 
 
 @pytest.fixture

@@ -15,9 +15,6 @@ import pytest
 
 import usdmlt
 
-# Schedulers and workers of their own: minutes, and whatever else the machine does matters.
-pytestmark = pytest.mark.slow
-
 SCENE = Path(__file__).parents[2] / "scenes" / "cornell_box.usda"
 
 
@@ -42,7 +39,8 @@ def test_workers_are_started_and_give_the_same_bits(tmp_path) -> None:
     flags = ["-w", 64, "--mutations", 200, "--aov", "caustics,N"]
     done = run(tmp_path, "render", SCENE, "a.exr", *flags, "--workers", 2, "--stats", "a.json")
     assert done.returncode == 0, done.stderr
-    assert len(done.stderr.splitlines()) == 2, done.stderr  # nothing of Dask's
+    said = [line for line in done.stderr.splitlines() if " elapsed" not in line]
+    assert [line.split()[0] for line in said] == [f"{SCENE}:", "wrote"], said  # nothing of Dask's
     assert (tmp_path / "a.json").exists()
     assert run(tmp_path, "render", SCENE, "b.exr", *flags).returncode == 0
     assert_same(tmp_path / "a.exr", tmp_path / "b.exr")
@@ -59,6 +57,7 @@ def test_a_chunk_is_rendered_by_workers(tmp_path) -> None:
     assert_same(tmp_path / "a.exr", tmp_path / "b.exr")
 
 
+@pytest.mark.slow
 def test_frames_are_one_job_on_a_cluster(cluster, tmp_path) -> None:
     cluster.add("a")
     cluster.add("b")
@@ -74,6 +73,7 @@ def test_frames_are_one_job_on_a_cluster(cluster, tmp_path) -> None:
         assert_same(tmp_path / f"a.{frame}.exr", tmp_path / f"b.{frame}.exr")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_to_all_processes_of_a_terminal_keeps_the_work(tmp_path, number) -> None:
     """Ctrl-C reaches the workers as well: they finish what they have."""
@@ -103,6 +103,34 @@ def test_a_signal_to_all_processes_of_a_terminal_keeps_the_work(tmp_path, number
     here.run(until=int(done[1]))
     color = usdmlt.read_image(tmp_path / "a.exr")["color"]
     np.testing.assert_array_equal(color, here.image()["color"].astype(np.float16))
+
+
+JUMPING = """
+import sys, time
+real, jumps_at = time.time, time.monotonic() + 7
+time.time = lambda: real() + 3600 * {hours} * (time.monotonic() > jumps_at)
+from usdmlt.cli import main
+if __name__ == "__main__":
+    status = main(sys.argv[1:])
+    assert time.monotonic() > jumps_at + 2
+    sys.exit(status)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hours", [-3, 3])
+def test_a_jump_of_the_clock_loses_no_worker(tmp_path, hours) -> None:
+    """Of the client's, which is the scheduler's as well, some seconds after the start."""
+    (tmp_path / "jumping.py").write_text(JUMPING.format(hours=hours))
+    flags = ["-w", "64", "--integrator", "mlt", "--mutations", "1200", "--threads", "1"]
+    command = [sys.executable, "jumping.py", "render", str(SCENE), "a.exr", *flags]
+    done = subprocess.run(
+        [*command, "--workers", "1"], cwd=tmp_path, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    assert "warning" not in done.stderr
+    run(tmp_path, "render", SCENE, "b.exr", *flags)
+    assert_same(tmp_path / "a.exr", tmp_path / "b.exr")
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def test_no_unit_is_lost_or_counted_twice_whatever_happens(seed: int, total: int
         elif action == "pair" and len(whole) > 1:
             ledger.pair(*numbers.sample(whole, 2), object())
         elif action == "made" and making:
-            numbers.choice(making).of = ()
+            ledger.made(numbers.choice(making))
         elif action == "undo" and making:
             ledger.undo(numbers.choice(making))
         elif action == "collect" and whole:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import json
 import os
 import random
 import signal
@@ -302,6 +304,30 @@ def test_the_previous_checkpoint_is_kept_where_there_are_no_links(
     assert read == [[(0, 2)], [(0, 5)]]
 
 
+def test_a_previous_checkpoint_that_cannot_be_copied_leaves_no_half_of_it(
+    rendering, tmp_path, monkeypatch
+) -> None:
+    """Where there are no links, and the disk is full."""
+
+    def refuse(*_: object) -> None:
+        raise OSError("no links here")
+
+    def copy_half(source: Path, target: Path) -> None:
+        target.write_bytes(source.read_bytes()[:1000])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "link", refuse)
+    monkeypatch.setattr("shutil.copyfile", copy_half)
+    checkpoint = Checkpoint(tmp_path / "c.exr")
+    rendering.run(until=2)
+    checkpoint.write(rendering)
+    rendering.run(until=5)
+    with pytest.raises(Error, match=r"cannot write .*c\.exr: No space left on device"):
+        checkpoint.write(rendering)
+    assert parts.read(tmp_path / "c.exr").state.units == [(0, 2)]
+    assert {path.name for path in tmp_path.glob("*c.*")} == {"c.exr"}
+
+
 def test_a_checkpoint_of_which_only_the_previous_is_left_is_not_begun_anew(
     rendering, tmp_path
 ) -> None:
@@ -334,6 +360,29 @@ def test_jumps_of_the_clock_do_not_matter(rendering, tmp_path, monkeypatch) -> N
         rendering.run(until=rendering.units_done + 500, checkpoint=checkpoint)
         checkpoint.write(rendering)
     assert parts.read(tmp_path / "c.exr").state.units == [(0, 1000)]
+
+
+JUMPING = """
+import itertools, sys, time
+real, hours = time.time, itertools.cycle((0, 3, -3))
+time.time = lambda: real() + 3600 * next(hours)
+from usdmlt.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_time_limits_are_those_of_no_clock_that_is_set(stage, tmp_path) -> None:
+    """It jumps by hours whenever it is looked at."""
+    flags = ["-w", 64, *CHAINS, "--mutations", 2**20, "--time", 1.5, "--stats", "a.json"]
+    flags += ["--checkpoint", "c.exr", "--checkpoint-seconds", 0.4]
+    command = [sys.executable, "-c", JUMPING, "render", stage, "a.exr", *flags]
+    done = subprocess.run(
+        [str(word) for word in command], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    assert 1.5 <= json.loads((tmp_path / "a.json").read_text())["seconds"] < 10
+    units = [parts.read(tmp_path / name).state.units[0][1] for name in ("c.previous.exr", "c.exr")]
+    assert 0 < units[0] < units[1]
 
 
 def test_render_takes_a_checkpoint_and_resumes_it(stage, tmp_path) -> None:

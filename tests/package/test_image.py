@@ -164,7 +164,7 @@ def test_a_symbolic_link_stays_and_its_file_is_replaced(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits the file size as POSIX does")
-@pytest.mark.parametrize("name", ["a.exr", "a.png"])
+@pytest.mark.parametrize("name", ["a.exr", "a.png", "a.jpg"])
 def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path: Path, name: str) -> None:
     """At every size at which the disk can be full, the last bytes included.
 

@@ -53,10 +53,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return status
     except UsageError as error:
         return _complain(error, 2)
-    except Error as error:
-        if arguments.verbosity > 0:
-            raise
-        return _complain(error, 1)
     except MemoryError:
         return _complain("out of memory", 1)
     except KeyboardInterrupt:
@@ -65,6 +61,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader of stdout has gone; what is left in the buffer must not complain at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+    except (Error, OSError) as error:  # the latter where a temporary file has no room, for instance
+        if arguments.verbosity > 0:
+            raise
+        return _complain(error, 1)
 
 
 def _complain(message: object, status: int) -> int:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from usdmlt import files
 
 FORMATS = ("chrome", "trace")
+ENDS = {"chrome": b"]}", "trace": b"\n\n"}
 
 
 def add_tracing_flags(container: argparse._ActionsContainer) -> None:
@@ -42,4 +42,7 @@ def tracing(path: str | None, form: str) -> Iterator[None]:
         collector.enabled = False
         with files.replacing(path) as temporary:
             write = reporter.ReportChromeTracingToFile if form == "chrome" else reporter.Report
-            write(str(Path(temporary)))
+            write(str(temporary))
+            # USD does not tell whether it could.
+            if not temporary.is_file() or not temporary.read_bytes().endswith(ENDS[form]):
+                raise OSError("the end of the file could not be written")

@@ -115,9 +115,9 @@ class Work:
             if self.checkpoint is None or not is_saved:
                 raise
             raise Error(f"{error}; {self.checkpoint.path} has the work, to --resume") from None
+        logger.info("%s", _outcome(self.job.output, self.rendering, image.stats))
         if self.job.stats:
             files.write_text(self.job.stats, json.dumps(image.stats, indent=2) + "\n")
-        logger.info("%s", _outcome(self.job.output, self.rendering, image.stats))
         if self._arguments.memstats:
             from usdmlt.cli.memory import memory_report
 

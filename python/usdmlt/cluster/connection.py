@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from usdmlt.errors import Error
 from usdmlt.settings import available_processors
@@ -25,19 +26,9 @@ def connected(address: str) -> Iterator[Client]:
     :class:`usdmlt.Error` where none answers.
     """
     _quiet()
-    from distributed import Client, Security
-    from distributed.comm.addressing import parse_address, parse_host_port
-    from distributed.comm.registry import get_backend
+    from distributed import Client
 
-    try:
-        scheme, location = parse_address(address)
-        get_backend(scheme)
-        parse_host_port(location)
-        Security().get_connection_args("client")
-        if scheme == "tls" and not Security().tls_client_cert:
-            raise ValueError("Dask's configuration has no certificates for tls://")
-    except (OSError, ValueError, TypeError, ImportError) as error:
-        raise Error(f"no scheduler of Dask is at {address}: {error}") from error
+    _knock(address)
     try:
         client = Client(address, timeout=SECONDS_TO_CONNECT, set_as_default=False)
     except OSError as error:
@@ -46,6 +37,63 @@ def connected(address: str) -> Iterator[Client]:
         yield client
     finally:
         client.close(timeout=SECONDS_TO_CONNECT)
+
+
+def _knock(address: str) -> None:
+    """Connect once, in a given time: a client of Dask's would wait for ever for the answer of what
+    is no scheduler, such as a dashboard, and not all that it raises ends it."""
+    from distributed.comm import CommClosedError, connect
+
+    arguments = _arguments(address)
+
+    async def knock() -> None:
+        waits = connect(address, timeout=SECONDS_TO_CONNECT, **arguments)
+        comm = await asyncio.wait_for(waits, SECONDS_TO_CONNECT + 1)
+        comm.abort()
+
+    try:
+        asyncio.run(knock())
+    except CommClosedError as error:
+        # Something is there, and hung up.
+        hint = (
+            "it is not tls://, or its certificates and those here do not match"
+            if address.startswith("tls:")
+            else "it is tls://, or none"
+        )
+        raise Error(f"no scheduler of Dask answers at {address}: perhaps {hint}") from error
+    except Exception as error:  # whatever is there may say anything
+        raise Error(f"no scheduler of Dask answers at {address}") from error
+
+
+def _arguments(address: str) -> dict[str, Any]:
+    """Of connections to an address, by Dask's configuration; :class:`usdmlt.Error` for an address
+    that is none, or a configuration that does not do for it."""
+    from distributed import Security
+    from distributed.comm.addressing import parse_address, parse_host_port
+    from distributed.comm.registry import get_backend
+
+    try:
+        scheme, location = parse_address(address)
+        get_backend(scheme)
+        parse_host_port(location)
+        security = Security()
+    except (ValueError, TypeError, ImportError) as error:
+        raise Error(f"no scheduler of Dask is at {address}: {error}") from error
+    if scheme != "tls" and security.require_encryption:
+        raise Error(f"Dask's configuration requires encryption: {address} is not tls://")
+    files = security.get_tls_config_for_role("client")
+    try:
+        arguments: dict[str, Any] = security.get_connection_args("client")
+    except (OSError, ValueError, TypeError) as error:
+        paths = [files[name] for name in ("ca_file", "cert", "key")]
+        named = ", ".join(path for path in paths if path and "\n" not in path)  # no key itself
+        raise Error(f"Dask's certificates ({named}) cannot be used: {error}") from error
+    if scheme == "tls" and arguments["ssl_context"] is None:
+        raise Error(
+            f"Dask's configuration has no certificates for {address}: it needs a ca-file and the "
+            "client's cert"
+        )
+    return arguments
 
 
 @contextmanager

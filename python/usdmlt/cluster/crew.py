@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from usdmlt import fingerprint
 from usdmlt._version import __version__
+from usdmlt.cluster.ledger import MOST_LOSSES
 from usdmlt.errors import Error
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ logger = logging.getLogger("usdmlt")
 
 SECONDS_BETWEEN_LOOKS = 1.0
 SECONDS_OF_PATIENCE = 30.0  # with a worker that sends no sign of life
+# With one that is paused, which ends the task that it has first: of that patience.
+PATIENCE_WHEN_PAUSED = 4.0
 # What a worker is asked first, in words that one understands which has no usdmlt, or an old one.
 _QUESTION = (
     "(lambda u: (u.__version__, "
@@ -28,15 +31,20 @@ _QUESTION = (
 
 @dataclass
 class Member:
-    """A worker. ``threads``: that it renders with; ``answer``: to the first question, pending;
-    ``ready``: whether it was the right one; ``tasks``: that it was given."""
+    """A worker. ``threads``: that it renders with; ``generation``: how many were lost in turn
+    before it came; ``answer``: to the first question, pending; ``answered``: whether it was the
+    right one; ``ready``: whether it is, and not silent; ``paused``: since when it has been, by
+    Dask, as its memory is nearly full; ``tasks``: that it was given."""
 
     address: str
     threads: int
     heard: float  # by the scheduler's clock
     heard_here: float  # when that last changed
+    generation: int
     answer: Future | None = None
+    answered: bool = False
     ready: bool = False
+    paused: float | None = None
     tasks: list[Any] = field(default_factory=list)  # in order
 
 
@@ -50,6 +58,9 @@ class Crew:
         self.members: dict[str, Member] = {}
         self._isa = isa
         self._refused: dict[str, str] = {}
+        self._generations: dict[str, int] = {}  # of all that ever came
+        self._next_generation = 0
+        self._lost_at_once: set[int] = set()  # generations, since one was ready
         self._looked = float("-inf")
         self._waiting_said = False
 
@@ -58,44 +69,81 @@ class Crew:
         """Those that can be given work."""
         return [member for member in self.members.values() if member.ready]
 
+    def generation(self, address: str) -> int:
+        """Of a worker that is here, or was."""
+        return self._generations[address]
+
     def look(self) -> list[str]:
         """See who has come and who is lost; the addresses of the latter.
 
-        :class:`usdmlt.Error` where the scheduler is lost, or where all workers are wrong ones.
+        :class:`usdmlt.Error` where the scheduler is lost, or where no worker can be used.
         """
         if perf_counter() - self._looked < SECONDS_BETWEEN_LOOKS:
             self._hear_answers()
             return []
         self._looked = now = perf_counter()
         there = self._ask_scheduler()
-        lost = [address for address in self.members if address not in there]
+        gone = [address for address in (*self.members, *self._refused) if address not in there]
         for address, worker in there.items():
-            member = self.members.get(address)
-            if member is None:
-                if address not in self._refused:
-                    self._welcome(address, worker, now)
-            elif worker["last_seen"] != member.heard:
-                member.heard, member.heard_here = worker["last_seen"], now
-                if member.answer is None and not member.ready:
-                    self._question(member)  # it was silent, and is back
-            elif member.ready and now - member.heard_here > self.patience:
-                logger.warning("worker %s is silent: its units are rendered again", address)
-                member.ready = False
-                member.tasks.clear()
-                lost.append(address)
-        for address in lost:
-            if address not in there:
-                logger.warning("worker %s is gone: its units are rendered again", address)
-                del self.members[address]
+            if address in self.members:
+                self._hear(self.members[address], worker, now)
+            elif address not in self._refused:
+                self._welcome(address, worker, now)
         self._hear_answers()
-        self._complain(there)
-        return lost
+        for address in gone:
+            self._forget(address)
+        self._complain(there, now)
+        return [*gone, *self._drop_useless(now)]
 
     def refuse(self, address: str, reason: str) -> None:
         """Use a worker no more."""
         self.members.pop(address, None)
         self._refused[address] = reason
         logger.warning("worker %s is not used: %s", address, reason)
+
+    def _hear(self, member: Member, worker: dict[str, Any], now: float) -> None:
+        if worker.get("status") != "paused":
+            member.paused = None
+        elif member.paused is None:
+            member.paused = now
+        if worker["last_seen"] == member.heard:
+            return
+        member.heard, member.heard_here = worker["last_seen"], now
+        if member.answer is None and not member.ready and not self._is_stuck(member, now):
+            self._question(member)  # it was silent or stuck, and is back
+
+    def _is_stuck(self, member: Member, now: float) -> bool:
+        since = member.paused
+        return since is not None and now - since > PATIENCE_WHEN_PAUSED * self.patience
+
+    def _drop_useless(self, now: float) -> list[str]:
+        """The addresses of those that do nothing, though they are there."""
+        dropped = []
+        for member in self.ready:
+            silent = now - member.heard_here > self.patience
+            if silent or self._is_stuck(member, now):
+                how = "silent" if silent else "paused by Dask, as its memory is nearly full"
+                logger.warning("worker %s is %s: its units are rendered again", member.address, how)
+                member.ready = False
+                member.tasks.clear()
+                dropped.append(member.address)
+        return dropped
+
+    def _forget(self, address: str) -> None:
+        """One that is gone. :class:`usdmlt.Error` where too many were before they could be asked
+        anything."""
+        member = self.members.pop(address, None)
+        self._refused.pop(address, None)
+        if member is None:
+            return  # it was not used, but may have films
+        logger.warning("worker %s is gone: its units are rendered again", address)
+        self._next_generation = max(self._next_generation, member.generation + 1)
+        if not member.answered:
+            self._lost_at_once.add(member.generation)
+        if len(self._lost_at_once) >= MOST_LOSSES and not self.ready:
+            raise Error(
+                f"{MOST_LOSSES} workers in turn were lost at once: is their memory too small?"
+            )
 
     def _ask_scheduler(self) -> dict[str, Any]:
         from distributed.comm import CommClosedError
@@ -110,8 +158,10 @@ class Crew:
         return workers
 
     def _welcome(self, address: str, worker: dict[str, Any], now: float) -> None:
-        member = Member(address, worker["nthreads"], worker["last_seen"], now)
+        generation = self._next_generation
+        member = Member(address, worker["nthreads"], worker["last_seen"], now, generation)
         self.members[address] = member
+        self._generations[address] = generation
         self._question(member)
 
     def _question(self, member: Member) -> None:
@@ -134,14 +184,20 @@ class Crew:
                 if different:
                     self.refuse(member.address, different)
                 else:
-                    member.ready = True
+                    member.ready = member.answered = True
+                    self._lost_at_once.clear()
             # Else it was lost, which the next look finds.
 
-    def _complain(self, there: dict[str, Any]) -> None:
+    def _complain(self, there: dict[str, Any], now: float) -> None:
         usable = [address for address in there if address not in self._refused]
         if there and not usable:
             address, reason = next(iter(self._refused.items()))
             raise Error(f"no worker can be used: of {address}, {reason}")
+        if self.members and all(self._is_stuck(member, now) for member in self.members.values()):
+            raise Error(
+                f"no worker can be used: of {next(iter(self.members))}, Dask has paused it, as its "
+                "memory is nearly full"
+            )
         if not there and not self._waiting_said:
             logger.info("there are no workers: waiting for some")
         self._waiting_said = not there

@@ -29,12 +29,14 @@ class Lease:
 @dataclass(eq=False)
 class Sum:
     """Units whose sum is on a worker. ``age``: when the films are collected, those of the same
-    age are. ``of``: while it is being made, the sums it is made of; they hold until it is."""
+    age are. ``losses``: of its units with workers, since films of them were added. ``of``: while it
+    is being made, the sums it is made of; they hold until it is."""
 
     units: list[Range]
     worker: str
     age: int
     future: Any
+    losses: int = 0
     of: tuple[Sum, ...] = ()
 
 
@@ -91,38 +93,37 @@ class Ledger:
     def settle(self, lease: Lease, worker: str, age: int) -> Sum:
         """An attempt is done: what it gave is a sum, and the others count no more."""
         self.leases.discard(lease)
-        result = Sum([lease.units], worker, age, lease.attempts.pop(worker))
+        result = Sum([lease.units], worker, age, lease.attempts.pop(worker), lease.losses)
         self.sums.add(result)
         return result
 
     def fail(self, lease: Lease, worker: str) -> None:
         """An attempt came to nothing; :class:`usdmlt.Error` after too many."""
-        lease.attempts.pop(worker, None)
-        if lease.attempts or lease not in self.leases:
-            return
-        self.leases.discard(lease)
-        if lease.losses + 1 >= MOST_LOSSES:
-            raise Error(
-                f"units {lease.units[0]}:{lease.units[1]} were lost with {MOST_LOSSES} workers in "
-                "turn: is their memory too small?"
-            )
-        self._return([lease.units], lease.losses + 1)
+        self._fail(lease, worker)
+        self._check_losses()
 
     def pair(self, a: Sum, b: Sum, future: Any) -> Sum:
         """Two sums are being added, on the worker of the first."""
         self.sums -= {a, b}
-        result = Sum(joined([*a.units, *b.units]), a.worker, min(a.age, b.age), future, (a, b))
+        units, losses = joined([*a.units, *b.units]), max(a.losses, b.losses)
+        result = Sum(units, a.worker, min(a.age, b.age), future, losses, (a, b))
         self.sums.add(result)
         return result
 
+    def made(self, item: Sum) -> None:
+        """Two sums were added."""
+        item.of, item.losses = (), 0
+
     def lose(self, worker: str) -> None:
-        """All that is on a worker is lost: it is handed out again."""
+        """All that is on a worker is lost: it is handed out again. :class:`usdmlt.Error` where the
+        same units were too often, while they were rendered or added."""
         for lease in list(self.leases):
             if worker in lease.attempts:
-                self.fail(lease, worker)
+                self._fail(lease, worker)
         for item in list(self.sums):
             self.sums.discard(item)
             self._keep(item, worker)
+        self._check_losses()
 
     def drop(self, item: Sum) -> None:
         """A sum is lost."""
@@ -134,15 +135,31 @@ class Ledger:
         self.sums.discard(item)
         self.sums |= set(item.of)
 
-    def _keep(self, item: Sum, lost: str) -> None:
+    def _fail(self, lease: Lease, worker: str) -> None:
+        lease.attempts.pop(worker, None)
+        if lease.attempts or lease not in self.leases:
+            return
+        self.leases.discard(lease)
+        self._return([lease.units], lease.losses + 1)
+
+    def _check_losses(self) -> None:
+        for (first, last), losses in self._pending:
+            if losses >= MOST_LOSSES:
+                raise Error(
+                    f"units {first}:{last} were lost with {MOST_LOSSES} workers in turn: is their "
+                    "memory too small?"
+                )
+
+    def _keep(self, item: Sum, lost: str, losses: int = 0) -> None:
+        """``losses``: one, where it was being added to another."""
         if item.of:
             if any(part.worker == lost for part in item.of):
                 for part in item.of:
-                    self._keep(part, lost)
+                    self._keep(part, lost, losses=1)
             else:
                 self.sums.add(item)
         elif item.worker == lost:
-            self._return(item.units, 0)
+            self._return(item.units, item.losses + losses)
         else:
             self.sums.add(item)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from usdmlt import target_error
 from usdmlt.checkpoint import Checkpoint
 from usdmlt.cluster import worker
-from usdmlt.cluster.ledger import Lease, Ledger, Sum
+from usdmlt.cluster.ledger import MOST_LOSSES, Lease, Ledger, Sum
 from usdmlt.errors import Error
 from usdmlt.units import count, gaps
 
@@ -74,6 +74,9 @@ class Picture:
         self._ledger = Ledger([])
         self._age = 0
         self._prepared: dict[str, Any] = {}  # by worker: the future of its plan
+        self._able: set[str] = set()  # workers that have made it
+        self._lost_preparing: set[int] = set()  # generations of workers, since one was able
+        self._full: set[str] = set()  # workers that have no memory to add films
         self._rates: dict[str, float] = {}  # units per second by worker
         self._last_done: dict[str, float] = {}
         self._started: float | None = None
@@ -132,7 +135,10 @@ class Picture:
 
     def _prepare_done(self, address: str, future: Any) -> None:
         told = address in self._prepared and self._prepared[address] is future
-        if told and future.status != "finished":
+        if told and future.status == "finished":
+            self._able.add(address)
+            self._lost_preparing.clear()
+        elif told:
             del self._prepared[address]
             if future.status == "error":
                 self._judge(address, future.exception())
@@ -166,8 +172,16 @@ class Picture:
         lost += [item.future for item in self._ledger.sums if item.worker == address]
         if address in self._prepared:
             lost.append(self._prepared.pop(address))
+            if address not in self._able:
+                self._lost_preparing.add(self._crew.generation(address))
+        self._able.discard(address)
         self._cancel(lost)
         self._guarded(lambda: self._ledger.lose(address))
+        if len(self._lost_preparing) >= MOST_LOSSES and not self._able:
+            self.failure = Error(
+                f"{MOST_LOSSES} workers in turn were lost with the scene: is their memory too "
+                "small?"
+            )
 
     def advance(self) -> None:
         """Add and collect what can be, and see whether all is done."""
@@ -297,10 +311,11 @@ class Picture:
     def _add_up(self) -> None:
         """Pairs of sums on one worker are added there; when collecting, those of two workers
         too, once each has one."""
-        holders = [x.worker for x in self._ledger.sums if x.age < self._age and not x.of]
+        sums = [item for item in self._ledger.sums if item.worker not in self._full]
+        holders = [item.worker for item in sums if item.age < self._age and not item.of]
         one_each = len(set(holders)) == len(holders)
         there: dict[Any, Sum] = {}
-        for item in sorted(self._ledger.sums, key=lambda item: item.units):
+        for item in sorted(sums, key=lambda item: item.units):
             if item.of:
                 continue
             old = item.age < self._age
@@ -324,20 +339,26 @@ class Picture:
         if item not in self._ledger.sums or item.future is not future:
             return
         if future.status == "finished":
-            item.of = ()
+            self._ledger.made(item)
             return
         self._ledger.undo(item)
-        if future.status == "error":
-            error = future.exception()
+        if future.status != "error":
+            return
+        error = future.exception()
+        if isinstance(error, MemoryError):
+            self._full.add(item.worker)
+            self._crew.refuse(item.worker, "it is out of memory")
+        else:
             self.failure = Error(f"worker {item.worker} could not add films: {error!r}")
 
     def _collect(self) -> None:
-        """The last sum of those that are collected comes here."""
+        """The last sum of those that are collected comes here, and those that no worker adds."""
         old = [item for item in self._ledger.sums if item.age < self._age]
-        if len(old) != 1 or old[0].of:
+        ready = [item for item in old if item.worker in self._full or len(old) == 1]
+        if not ready or ready[0].of:
             return
         started = perf_counter()
-        if self._take(old[0]):
+        if self._take(ready[0]):
             self._show()
         self._collected = perf_counter()
         self._collecting_took = self._collected - started
@@ -347,6 +368,9 @@ class Picture:
         patience = GATHER_SECONDS + self._bytes / GATHER_BYTES_PER_SECOND
         try:
             state = item.future.result(timeout=patience)
+        except MemoryError:
+            self.failure = Error("there is not enough memory here for the films of workers")
+            return False
         except Exception as error:
             logger.warning(
                 "a sum of worker %s is lost (%r): it is rendered again", item.worker, error
