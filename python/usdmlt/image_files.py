@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import groupby
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -63,15 +65,25 @@ def write_parts(path: Path, parts: Sequence[Part], thorough: bool = True) -> Non
 
 
 def encoded(part: Part, suffix: str) -> bytes:
-    """A ``.png`` or ``.jpg`` of (height, width, 3) uint8 as bytes; OSError where there is no room.
+    """A ``.png`` or ``.jpg`` of (height, width, 3) uint8 as bytes. OSError: no room."""
+    with _file_with_room(2 * part.pixels.nbytes + 2**16) as path:
+        _write(path, suffix[1:].lower(), [part])
+        return Path(path).read_bytes()
 
-    It is made in memory, in which its room is seen to before: libjpeg ends the process where it
-    cannot write.
-    """
-    with open(os.memfd_create("view"), "r+b") as file:
-        os.ftruncate(file.fileno(), 2 * part.pixels.nbytes + 2**16)
-        _write(f"/proc/self/fd/{file.fileno()}", suffix[1:].lower(), [part])
-        return file.read()
+
+@contextmanager
+def _file_with_room(size: int) -> Iterator[str]:
+    """An empty file that can grow so far, in memory where there are such files, as libjpeg ends the
+    process where it cannot write."""
+    if hasattr(os, "memfd_create"):
+        with open(os.memfd_create("view"), "wb") as file:
+            os.ftruncate(file.fileno(), size)
+            yield f"/proc/self/fd/{file.fileno()}"
+    else:
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "view"
+            path.write_bytes(bytes(size))
+            yield os.fspath(path)
 
 
 def read_parts(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Channels]]:
