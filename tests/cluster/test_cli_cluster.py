@@ -122,7 +122,7 @@ if __name__ == "__main__":
 def test_a_jump_of_the_clock_loses_no_worker(tmp_path, hours) -> None:
     """Of the client's, which is the scheduler's as well, some seconds after the start."""
     (tmp_path / "jumping.py").write_text(JUMPING.format(hours=hours))
-    flags = ["-w", "64", "--integrator", "mlt", "--mutations", "1200", "--threads", "1"]
+    flags = ["-w", "64", "--integrator", "mlt", "--mutations", "4800", "--threads", "1"]
     command = [sys.executable, "jumping.py", "render", str(SCENE), "a.exr", *flags]
     done = subprocess.run(
         [*command, "--workers", "1"], cwd=tmp_path, capture_output=True, text=True, timeout=300
