@@ -43,23 +43,44 @@ uint64_t unit_key(const Settings& settings, uint64_t purpose, uint64_t index) {
 
 uint64_t rays_of(const RayCounters& rays) { return rays.closest + rays.shadow; }
 
+void copy_state(MutationContext& context, const PathState& from, PathState& to) {
+    to = from;
+    for (PathVertex& v : to.path.vertices) {
+        Vertex* copy = context.arena.take();
+        *copy = *v.vertex;
+        v.vertex = copy;
+    }
+}
+
 // Chains from the starts of a bootstrap, `steps` each.
-void run_chains(MetropolisScratch& scratch, int chains, int steps, uint64_t key) {
+void run_chains(MetropolisScratch& scratch, const Spread& spread, int chains, int steps,
+                uint64_t key) {
     MutationContext& context = scratch.context;
     RandomStream offset(hash_key(key, 1));
     scratch.bootstrap.choose_starts(chains, offset.next_double(), scratch.starts);
     context.unit_key = hash_key(key, 2);
-    for (int c = 0; c < chains; ++c) {
-        const BootstrapEntry& start = scratch.bootstrap.entries()[scratch.starts[size_t(c)]];
-        if (!scratch.bootstrap.restore(start, scratch.target, scratch.x,
-                                       scratch.statistics.bootstrap))
+    for (int c = 0, next; c < chains; c = next) {
+        const size_t index = scratch.starts[size_t(c)];
+        for (next = c + 1; next < chains && scratch.starts[size_t(next)] == index;) ++next;
+        if (!scratch.bootstrap.restore(scratch.bootstrap.entries()[index], scratch.target,
+                                       scratch.start, scratch.statistics.bootstrap))
             continue;
-        context.random = RandomStream(hash_key(hash_key(key, 3), uint64_t(c)));
-        context.chain = static_cast<uint32_t>(c);
-        context.lens_proposals = 0;
-        run_chain(scratch.target, scratch.selection, scratch.x, scratch.y, steps, context.random,
-                  scratch.statistics.chains);
-        context.arena.give_all(scratch.x.path);
+        RandomStream random(hash_key(hash_key(key, 4), uint64_t(c)));
+        const double u = random.next_double();
+        int64_t done = 0;
+        for (int i = c; i < next; ++i) {
+            context.chain = static_cast<uint32_t>(i);
+            context.lens_proposals = 0;
+            const int64_t moved = spread.steps(scratch.start.band, i - c, next - c, u);
+            move_start(scratch, moved - done, random);
+            done = moved;
+            copy_state(context, scratch.start, scratch.x);
+            context.random = RandomStream(hash_key(hash_key(key, 3), uint64_t(i)));
+            run_chain(scratch.target, scratch.selection, scratch.x, scratch.y, steps,
+                      context.random, scratch.statistics.chains);
+            context.arena.give_all(scratch.x.path);
+        }
+        context.arena.give_all(scratch.start.path);
     }
     scratch.statistics.chains.finish();
 }
@@ -180,7 +201,7 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
         scratch.target.recorder.pilot = &notes;
         const double b = scratch.bootstrap.draw(unit_key(settings, 1, 1), pilot_samples,
                                                 scratch.statistics.bootstrap);
-        if (b > 0) run_chains(scratch, chains, pilot_steps, unit_key(settings, 1, 2));
+        if (b > 0) run_chains(scratch, {}, chains, pilot_steps, unit_key(settings, 1, 2));
         CoarsePicture& picture = notes.picture;
         const double pilot_mutations = double(chains) * pilot_steps;
         picture.scale(b * double(picture.count()) / pilot_mutations);
@@ -216,7 +237,9 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
 
     // Which strategies find the light that is left to the chains.
     MetropolisScratch scratch(scene, *this);
-    scratch.bootstrap.draw(unit_key(settings, 1, 3), pilot_samples, scratch.statistics.bootstrap);
+    const double b = scratch.bootstrap.draw(unit_key(settings, 1, 3), pilot_samples,
+                                            scratch.statistics.bootstrap);
+    if (b > 0) spread.mean_weight = b * samples / chains;
     pilot_rays += rays_of(scratch.statistics.bootstrap.rays);
     strategies = strategy_table(paths, scratch.bootstrap.entries());
 }
@@ -226,8 +249,10 @@ void MetropolisPlan::shorten(double work_per_pixel) {
     const double wanted = work_per_pixel * image_pixels / double(pixels.units_per_pass());
     const double samples = work - double(mutations_per_unit());
     if (wanted >= work) return;
+    const int before = chains;
     chains = std::clamp(static_cast<int>((wanted - samples) / steps),
                         std::max(static_cast<int>(chains * least_chains_kept), 1), chains);
+    spread.mean_weight *= double(before) / chains;
     work = double(mutations_per_unit()) + samples;
 }
 
@@ -237,7 +262,7 @@ uint64_t MetropolisPlan::digest() const {
     std::vector<double> numbers = mutation_weights;
     numbers.insert(numbers.end(),
                    {work, pixels.samples_per_pixel(), split.c_squared, split.continuation,
-                    relative_error, others.path, others.bidirectional});
+                    relative_error, others.path, others.bidirectional, spread.mean_weight});
     for (const double x : numbers) key = hash_key(key, std::bit_cast<uint64_t>(x));
     return key;
 }
@@ -245,16 +270,28 @@ uint64_t MetropolisPlan::digest() const {
 MetropolisScratch::MetropolisScratch(const Scene& scene, const MetropolisPlan& plan)
     : context(scene, plan.domain, plan.paths.min_edges, plan.paths.depth),
       bootstrap(scene, plan.paths, context, plan.importance, plan.split, plan.pixels),
-      target(context, plan.importance, plan.split, plan.paths.background),
+      target(context, plan.importance, plan.split, plan.spread, plan.paths.background),
       selection(plan.mutation_weights),
+      spreading(int(plan.mutation_weights.size())),
       statistics(plan.paths.depth) {
     context.strategies = plan.strategies;
     context.rays.guide = statistics.bootstrap.rays.guide = plan.guide.get();
-    for (PathState* state : {&x, &y}) state->path.vertices.reserve(size_t(plan.paths.depth) + 2);
+    for (PathState* state : {&x, &y, &start})
+        state->path.vertices.reserve(size_t(plan.paths.depth) + 2);
     uint32_t enabled = 0;
     for (size_t m = 0; m < plan.mutation_weights.size(); ++m)
         enabled |= uint32_t(plan.mutation_weights[m] > 0) << m;
     target.enable(enabled);
+}
+
+void move_start(MetropolisScratch& scratch, int64_t steps, RandomStream& random) {
+    if (steps == 0) return;
+    scratch.context.random = random;
+    scratch.target.band = scratch.start.band;
+    run_chain(scratch.target, scratch.selection, scratch.start, scratch.y, steps,
+              scratch.context.random, scratch.spreading);
+    scratch.target.band = 0;
+    random = scratch.context.random;
 }
 
 namespace {
@@ -330,7 +367,8 @@ void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int6
         counts.b = scratch.bootstrap.total() / samples;
         scratch.target.recorder.scale = counts.b;
         if (counts.b > 0)
-            run_chains(scratch, plan.chains, plan.steps, unit_key(plan.paths, 0, uint64_t(index)));
+            run_chains(scratch, plan.spread, plan.chains, plan.steps,
+                       unit_key(plan.paths, 0, uint64_t(index)));
     }
     statistics.rays.closest += rays.closest + counts.bootstrap.rays.closest;
     statistics.rays.shadow += rays.shadow + counts.bootstrap.rays.shadow;

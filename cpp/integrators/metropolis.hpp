@@ -48,6 +48,7 @@ struct MetropolisPlan {
     std::vector<double> mutation_weights;
     PixelSubset pixels;  // samples of the bootstrap
     Split split;
+    Spread spread;
     StrategyTable strategies;
     std::shared_ptr<const Guide> guide;  // of walks from the eye; null: there is nothing to guide
     ImportanceMap importance;
@@ -63,13 +64,18 @@ struct MetropolisScratch {
     PathTarget target;
     MutationSelection selection;
     PathState x, y;
+    PathState start;  // of chains, as it is spread
     std::vector<size_t> starts;
+    ChainCounts spreading;  // of its steps
     MetropolisUnitStatistics statistics;
     PathTracerScratch path;
     LayerScratch* layers = nullptr;  // of the thread; null: the film has none
 
     MetropolisScratch(const Scene& scene, const MetropolisPlan& plan);
 };
+
+// Moves scratch.start within its band, see Spread.
+void move_start(MetropolisScratch& scratch, int64_t steps, RandomStream& random);
 
 void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int64_t index,
                             MetropolisScratch& scratch, Film& film, UnitSplats* splats,

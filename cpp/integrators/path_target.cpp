@@ -30,11 +30,14 @@ bool PathTarget::evaluate(State& state, int first, int last) {
     if (split_.is_selective()) {
         update_densities(context_.scene, state.path, first, last);
         const double q = split_.least_survival(rough_vertices(state.path));
-        state.target *= split_.of_chains(
+        const double r_squared =
             sqr(1 / q) * usdmlt::ratio(state.target * state.target,
-                                       squared_strategy_densities(state.path, context_.scratch)));
+                                       squared_strategy_densities(state.path, context_.scratch));
+        const double of_chains = split_.of_chains(r_squared);
+        state.target *= of_chains;
+        state.band = spread_.band(of_chains * std::sqrt(r_squared));
     }
-    return true;
+    return band == 0 || state.band == band;
 }
 
 uint32_t PathTarget::applicable(const State& x) {
@@ -93,7 +96,7 @@ void PathTarget::deposit(const State& state, double weight) {
     if (recorder.pilot)
         recorder.pilot->add(context_, state.path, state.target, weight * luminance(state.color),
                             weight);
-    if (!recorder.film) return;
+    if (!recorder.film || band != 0) return;
     const Spectrum value = state.color * static_cast<float>(weight * recorder.scale);
     if (recorder.layers) add_to_layers(state.path, value, *recorder.layers);
     recorder.splat(state.path.raster, value, class_of(state.path), context_.random);

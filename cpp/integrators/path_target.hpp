@@ -10,6 +10,7 @@
 #include "integrators/path_classes.hpp"
 #include "integrators/pilot_notes.hpp"
 #include "integrators/split.hpp"
+#include "integrators/spread.hpp"
 #include "mutations/mutations.hpp"
 #include "paths/light_path_classes.hpp"
 
@@ -23,6 +24,7 @@ struct PathState {
     Path path;
     ScaledDouble target;  // f*
     Spectrum color;       // f / f*
+    int band = 0;         // see Spread
 };
 
 // What paths are recorded into: a film, or a pilot's notes, or nothing.
@@ -61,10 +63,15 @@ public:
     using State = PathState;
 
     PathTarget(MutationContext& context, const ImportanceMap& importance, const Split& split,
-               bool background)
-        : context_(context), importance_(importance), split_(split), background_(background) {}
+               const Spread& spread, bool background)
+        : context_(context),
+          importance_(importance),
+          split_(split),
+          spread_(spread),
+          background_(background) {}
 
     PathRecorder recorder;
+    int band = 0;  // if not 0: paths of other bands are none, and nothing is recorded
 
     uint32_t applicable(const State& x);
     // Mutations that may be selected.
@@ -93,6 +100,7 @@ private:
     MutationContext& context_;
     const ImportanceMap& importance_;
     const Split& split_;
+    const Spread& spread_;
     bool background_;
     uint32_t enabled_ = ~0u;
     // What applies by a path's class and light alone.

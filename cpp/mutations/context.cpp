@@ -39,7 +39,7 @@ MutationContext::MutationContext(const Scene& scene, const RasterDomain& domain,
       raster_range{smallest_move,
                    std::max(std::sqrt(largest_move_of_area * domain.image_area / std::numbers::pi),
                             2 * smallest_move)},
-      arena(3 * (max_edges + 2)),
+      arena(4 * (max_edges + 2)),
       scratch(max_edges) {}
 
 }  // namespace usdmlt

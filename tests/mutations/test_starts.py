@@ -2,6 +2,9 @@
 
 Selective split and roulette are functions of the path, written twice: from the weight of a sample
 while its walks are known, and from the densities of a finished path.
+
+Starts that were drawn many times are spread, which must not move light (see ``support.mutations``
+for the test; p of what is right is at least 1e-4, that of the mutant below 1e-6).
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ import pytest
 
 from support.class_scenes import CLASS_SCENES
 from support.media_scenes import LIT_SCENES
+from support.mutations import MUTATIONS, build_scene, stationarity
 from support.rendering import build
 from usdmlt import _core
 
@@ -26,3 +30,18 @@ def test_a_sample_s_weight_is_that_of_its_path(name: str) -> None:
     if name == "corridor":
         assert probe["continuation"] < 1
         assert np.bincount(probe["roulettes"])[1:4].min() > 10
+
+
+@pytest.mark.parametrize("within_band", [True, False])
+def test_starts_stay_fair_while_they_are_spread(within_band: bool) -> None:
+    """Most of them are so heavy here that they are moved. Leaving the band, as they would without
+    what keeps them in it, takes their light to where lighter starts are."""
+    rows = _core.spread_probe(
+        build_scene("polished"), dict.fromkeys(MUTATIONS, 1.0), rounds=2, samples=20000,
+        starts=2000, starts_per_sample=0.3, seed=1, within_band=within_band,
+    )  # fmt: skip
+    assert rows["spread"] > 0.5 * rows["weight"].size
+    moved = rows["raster_x_before"] != rows["raster_x_after"]
+    assert moved.mean() > 0.5
+    p = stationarity(rows)
+    assert p >= 1e-4 if within_band else p < 1e-6
