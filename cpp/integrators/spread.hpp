@@ -1,12 +1,12 @@
 // Starts of chains that are drawn many times, because the bootstrap found their light once where it
 // should have done so often, are spread before chains leave from them.
 //
-// With v(x) = f*/(q p), see Split, the paths of a band B_j = {x: v(x) ∈ [β^j, β^{j+1}) · mean weight
-// of a start} are moved by the chains' own mutations, those that leave the band being rejected:
-// steps that leave f* on B_j unchanged. Starts of x ∈ B_j stay so for some of τ_j steps, n of them
-// for (i + u) τ_j / n, i = 0 … n − 1. Bands and τ_j are functions of the path alone, so that starts
-// are fair after any number of steps: what goes on only from heavy starts, and may leave the band,
-// would take their light away.
+// With v(x) = f*/(q p), see Split, the paths of a band B_j = {x: v(x) ∈ [β^j, β^{j+1}) · mean
+// weight of a start} are moved by the chains' own mutations, those that leave the band being
+// rejected: steps that leave f* on B_j unchanged. Starts of x ∈ B_j stay so for some of τ_j steps,
+// n of them for (i + u) τ_j / n, i = 0 … n − 1. Bands and τ_j are functions of the path alone, so
+// that starts are fair after any number of steps: what goes on only from heavy starts, and may
+// leave the band, would take their light away.
 #pragma once
 
 #include <algorithm>

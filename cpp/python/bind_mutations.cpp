@@ -236,8 +236,7 @@ py::dict spread_probe(const Scene& scene, const Weights& mutation_weights, int r
             if (!scratch.bootstrap.restore(entry, scratch.target, scratch.start, statistics))
                 continue;
             describe(scratch.start, "_before", table);
-            const int64_t steps =
-                plan.spread.steps(scratch.start.band, 0, 1, random.next_double());
+            const int64_t steps = plan.spread.steps(scratch.start.band, 0, 1, random.next_double());
             spread += steps > 0;
             if (!within_band) scratch.start.band = 0;
             move_start(scratch, steps, random);
