@@ -73,9 +73,9 @@ void Film::develop_layer(int layer, float* rgb, double splats_per_pixel, double 
         for (int c = 0; c < 3; ++c) {
             double all = double(samples_[i * 5 + size_t(c)]);
             if (has_splats()) all += double(splats_[i * 3 + size_t(c)]);
-            const double share = double(layer_sums_[layer_index(i, layer) + size_t(c)]) / all;
-            rgb[i * 3 + size_t(c)] =
-                all != 0 ? static_cast<float>(share * mean(i, c, splats_per_pixel) * exposure) : 0;
+            const auto sum = double(layer_sums_[layer_index(i, layer) + size_t(c)]);
+            const double value = all != 0 ? sum / all * mean(i, c, splats_per_pixel) : 0;
+            rgb[i * 3 + size_t(c)] = static_cast<float>(value * exposure);
         }
 }
 

@@ -56,32 +56,14 @@ void copy_state(MutationContext& context, const PathState& from, PathState& to) 
 void run_chains(MetropolisScratch& scratch, const Spread& spread, int chains, int steps,
                 uint64_t key) {
     MutationContext& context = scratch.context;
-    RandomStream offset(hash_key(key, 1));
-    scratch.bootstrap.choose_starts(chains, offset.next_double(), scratch.starts);
     context.unit_key = hash_key(key, 2);
-    for (int c = 0, next; c < chains; c = next) {
-        const size_t index = scratch.starts[size_t(c)];
-        for (next = c + 1; next < chains && scratch.starts[size_t(next)] == index;) ++next;
-        if (!scratch.bootstrap.restore(scratch.bootstrap.entries()[index], scratch.target,
-                                       scratch.start, scratch.statistics.bootstrap))
-            continue;
-        RandomStream random(hash_key(hash_key(key, 4), uint64_t(c)));
-        const double u = random.next_double();
-        int64_t done = 0;
-        for (int i = c; i < next; ++i) {
-            context.chain = static_cast<uint32_t>(i);
-            context.lens_proposals = 0;
-            const int64_t moved = spread.steps(scratch.start.band, i - c, next - c, u);
-            move_start(scratch, moved - done, random);
-            done = moved;
-            copy_state(context, scratch.start, scratch.x);
-            context.random = RandomStream(hash_key(hash_key(key, 3), uint64_t(i)));
-            run_chain(scratch.target, scratch.selection, scratch.x, scratch.y, steps,
-                      context.random, scratch.statistics.chains);
-            context.arena.give_all(scratch.x.path);
-        }
-        context.arena.give_all(scratch.start.path);
-    }
+    for_each_start(scratch, spread, chains, key, move_start, [&](int c, const BootstrapEntry&) {
+        copy_state(context, scratch.start, scratch.x);
+        context.random = RandomStream(hash_key(hash_key(key, 3), uint64_t(c)));
+        run_chain(scratch.target, scratch.selection, scratch.x, scratch.y, steps, context.random,
+                  scratch.statistics.chains);
+        context.arena.give_all(scratch.x.path);
+    });
     scratch.statistics.chains.finish();
 }
 

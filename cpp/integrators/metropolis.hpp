@@ -77,6 +77,35 @@ struct MetropolisScratch {
 // Moves scratch.start within its band, see Spread.
 void move_start(MetropolisScratch& scratch, int64_t steps, RandomStream& random);
 
+// Draws starts from the bootstrap's entries and spreads them by `move`, which is move_start unless
+// a test has another: calls f(chain, entry) with scratch.start for each chain.
+template <typename Move, typename F>
+void for_each_start(MetropolisScratch& scratch, const Spread& spread, int chains, uint64_t key,
+                    Move&& move, F&& f) {
+    RandomStream offset(hash_key(key, 1));
+    scratch.bootstrap.choose_starts(chains, offset.next_double(), scratch.starts);
+    for (int c = 0, next; c < chains; c = next) {
+        const size_t index = scratch.starts[size_t(c)];
+        for (next = c + 1; next < chains && scratch.starts[size_t(next)] == index;) ++next;
+        const BootstrapEntry& entry = scratch.bootstrap.entries()[index];
+        if (!scratch.bootstrap.restore(entry, scratch.target, scratch.start,
+                                       scratch.statistics.bootstrap))
+            continue;
+        RandomStream random(hash_key(hash_key(key, 4), uint64_t(c)));
+        const double u = random.next_double();
+        int64_t done = 0;
+        for (int i = c; i < next; ++i) {
+            scratch.context.chain = static_cast<uint32_t>(i);
+            scratch.context.lens_proposals = 0;
+            const int64_t steps = spread.steps(scratch.start.band, i - c, next - c, u);
+            move(scratch, steps - done, random);
+            done = steps;
+            f(i, entry);
+        }
+        scratch.context.arena.give_all(scratch.start.path);
+    }
+}
+
 void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int64_t index,
                             MetropolisScratch& scratch, Film& film, UnitSplats* splats,
                             UnitStatistics& statistics);

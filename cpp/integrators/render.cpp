@@ -75,7 +75,7 @@ struct ThreadState {
     std::unique_ptr<StrategyScratch> bidirectional;
     std::unique_ptr<MetropolisScratch> metropolis;
     std::unique_ptr<LayerScratch> layers;
-    std::unique_ptr<UnitSplats> splats;  // null: the film has no errors
+    std::unique_ptr<UnitSplats> splats;  // null: there are none, or the film has no errors
     UnitStatistics statistics;
     double cpu_seconds = 0;
 
@@ -84,7 +84,8 @@ struct ThreadState {
         if (settings.integrator == IntegratorKind::bidirectional)
             bidirectional = std::make_unique<StrategyScratch>(settings.depth);
         if (plan) metropolis = std::make_unique<MetropolisScratch>(scene, *plan);
-        if (settings.error_layer) splats = std::make_unique<UnitSplats>();
+        if (settings.error_layer && settings.integrator != IntegratorKind::path)
+            splats = std::make_unique<UnitSplats>();
         if (!settings.layers) return;
         layers = std::make_unique<LayerScratch>(
             LayerScratch{LightPathClasses(scene, *settings.layers), {}, {}});

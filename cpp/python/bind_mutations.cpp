@@ -212,44 +212,37 @@ py::dict step_probe(const Scene& scene, const Weights& mutation_weights, int rou
     return out;
 }
 
-// Starts before and after they are spread, as chains have them; `starts_per_sample` says how many
-// there are to be in the plan, of which one for each of `starts` is looked at. Not `within_band`: a
-// mutant, which leaves it.
+// Starts before and after they are spread, as chains have them. Not `within_band`: a mutant, which
+// leaves it.
 py::dict spread_probe(const Scene& scene, const Weights& mutation_weights, int rounds,
-                      uint32_t samples, int starts, double starts_per_sample, int depth,
-                      uint64_t seed, bool within_band) {
+                      uint32_t samples, int starts, int depth, uint64_t seed, bool within_band) {
     const FlushDenormals flush;
     MetropolisPlan plan(scene, make_settings(mutation_weights, depth, 1, seed, false, true, true));
     MetropolisScratch scratch(scene, plan);
     UnitStatistics& statistics = scratch.statistics.bootstrap;
     plan.spread.mean_weight =
-        scratch.bootstrap.draw(hash_key(seed, 1), samples, statistics) / starts_per_sample;
+        scratch.bootstrap.draw(hash_key(seed, 1), samples, statistics) * samples / starts;
     Table table;
-    double spread = 0;
+    const auto move = [&](MetropolisScratch& s, int64_t steps, RandomStream& random) {
+        const int band = s.start.band;
+        if (!within_band) s.start.band = 0;
+        move_start(s, steps, random);
+        s.start.band = band;
+    };
     for (int round = 0; round < rounds; ++round) {
         const uint64_t key = hash_key(hash_key(seed, 2), uint64_t(round));
         const double b = scratch.bootstrap.draw(key, samples, statistics);
-        RandomStream random(hash_key(key, 1));
-        scratch.bootstrap.choose_starts(starts, random.next_double(), scratch.starts);
-        for (const size_t index : scratch.starts) {
-            const BootstrapEntry& entry = scratch.bootstrap.entries()[index];
-            if (!scratch.bootstrap.restore(entry, scratch.target, scratch.start, statistics))
-                continue;
-            describe(scratch.start, "_before", table);
-            const int64_t steps = plan.spread.steps(scratch.start.band, 0, 1, random.next_double());
-            spread += steps > 0;
-            if (!within_band) scratch.start.band = 0;
-            move_start(scratch, steps, random);
+        for_each_start(scratch, plan.spread, starts, key, move, [&](int, const auto& entry) {
+            scratch.bootstrap.restore(entry, scratch.target, scratch.x, statistics);
+            describe(scratch.x, "_before", table);
+            scratch.context.arena.give_all(scratch.x.path);
             describe(scratch.start, "_after", table);
             table.set("cluster", double(round) * samples + entry.sample);
             table.set("weight", b);
             table.set("weight_after", 1);
-            scratch.context.arena.give_all(scratch.start.path);
-        }
+        });
     }
-    py::dict out = table.to_python();
-    out["spread"] = spread;
-    return out;
+    return table.to_python();
 }
 
 // Entries of a bootstrap and the paths made of them again: `weight` is that of the entry,
@@ -381,8 +374,7 @@ void bind_mutations(py::module_& module) {
         "and after, what each would deposit, densities, and those of the mutants that are named.");
     module.def("spread_probe", &spread_probe, py::arg("scene"), py::arg("mutation_weights"),
                py::kw_only(), py::arg("rounds"), py::arg("samples"), py::arg("starts"),
-               py::arg("starts_per_sample"), py::arg("depth") = 6, py::arg("seed") = 0,
-               py::arg("within_band") = true,
+               py::arg("depth") = 6, py::arg("seed") = 0, py::arg("within_band") = true,
                "Starts of chains before and after they are spread, as rows of step_probe.");
     module.def("start_probe", &start_probe, py::arg("scene"), py::kw_only(), py::arg("samples"),
                py::arg("depth") = 8, py::arg("seed") = 0,

@@ -125,17 +125,6 @@ def test_layers_sum_to_the_picture_within_a_pass(integrator, width, units):
     np.testing.assert_allclose(total, picture, rtol=1e-5, atol=1e-6 * picture.max())
 
 
-def test_layers_within_a_pass_are_right_but_for_its_share():
-    """One that has its light from splats, by ten passes over three tiles of four and nine over the
-    other: it may be off by a tenth in a tile, and by a few thousandths in all."""
-    scene = replace(scene_of("caustics"), width=96, height=72)
-    made = [
-        layer_pictures(scene, "caustics", "bdpt", seeds, samples=10, units=units)
-        for seeds, units in ((range(16), 39), (range(100, 116), 40))
-    ]
-    agreement(*made).require(resolution=0.05)
-
-
 @pytest.mark.parametrize("integrator", ALL)
 def test_layers_do_not_depend_on_the_number_of_threads(integrator):
     scene = scene_of("caustics")

@@ -34,13 +34,13 @@ def test_a_sample_s_weight_is_that_of_its_path(name: str) -> None:
 
 @pytest.mark.parametrize("within_band", [True, False])
 def test_starts_stay_fair_while_they_are_spread(within_band: bool) -> None:
-    """Most of them are so heavy here that they are moved. Leaving the band, as they would without
+    """As units draw and spread them; a third of a start for each sample makes many that are drawn
+    often. Leaving the band, as they would without
     what keeps them in it, takes their light to where lighter starts are."""
     rows = _core.spread_probe(
         build_scene("polished"), dict.fromkeys(MUTATIONS, 1.0), rounds=2, samples=20000,
-        starts=2000, starts_per_sample=0.3, seed=1, within_band=within_band,
+        starts=6000, seed=1, within_band=within_band,
     )  # fmt: skip
-    assert rows["spread"] > 0.5 * rows["weight"].size
     moved = rows["raster_x_before"] != rows["raster_x_after"]
     assert moved.mean() > 0.5
     p = stationarity(rows)

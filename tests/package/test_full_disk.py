@@ -7,7 +7,6 @@ be had, or besides, a limit of the size of files, which the system enforces in t
 from __future__ import annotations
 
 import os
-import resource
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -18,6 +17,8 @@ import pytest
 
 import usdmlt
 from usdmlt import parts
+
+resource = pytest.importorskip("resource", reason="limits the size of files as POSIX does")
 
 FLAGS = ["-w", 64, "--integrator", "mlt", "--direct", "mlt", "--threads", 1]
 
