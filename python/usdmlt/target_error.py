@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 # Samples, or mutations, per pixel before the first look: of fewer, an error tells little.
 FIRST_LOOK = {"path": 16, "bdpt": 16, "mlt": 32}
-FEWEST_UNITS = 32  # two in each batch of splats
+FEWEST_UNITS = 32  # which tell the error of splats to an eighth
 GROWTH = 1.1  # from look to look
 
 
