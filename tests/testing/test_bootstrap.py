@@ -41,12 +41,11 @@ KINDS = ["exponential", "lognormal", "fireflies", "common"]
 
 
 def require_rare(kind: str, count: int) -> None:
-    """Alarms at 5 % and 1 % at most in the share of their names: 99.9 % bounds of binomials."""
+    """Alarms at most in the share that they are stated for: 99.9 % bounds of binomials."""
     rng = np.random.default_rng(1)
     p = [compare_batches(noisy(rng, "even"), noisy(rng, kind), alike=False).p for _ in range(count)]
-    for rate in (0.05, 0.01):
+    for rate in (0.05, 0.01, 1e-3, 1e-4):
         assert np.count_nonzero(np.array(p) <= rate) <= stats.binom.ppf(0.999, count, rate)
-    assert min(p) > 1e-4
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -57,8 +56,8 @@ def test_noise_of_another_kind_is_no_difference(kind: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_noise_of_another_kind_is_no_difference_in_a_thousand_pairs(kind: str) -> None:
-    require_rare(kind, 1000)
+def test_noise_of_another_kind_is_no_difference_in_ten_thousand_pairs(kind: str) -> None:
+    require_rare(kind, 10_000)
 
 
 CHANGES = {
@@ -87,10 +86,13 @@ def test_a_change_is_found(name: str) -> None:
 
 
 def test_fireflies_hide_what_is_smaller_than_they_are_and_nothing_else() -> None:
-    """Of single pixels nothing can be told; that the whole picture is a fifth as bright can."""
+    """Of single pixels nothing can be told; that the whole picture is a fifth as bright can.
+
+    At 1 %: forty fireflies are all that there is to tell it by.
+    """
     rng = np.random.default_rng(3)
     darker = noisy(rng, "even", PICTURE * [0.2, 0.2, 0.2, 1])
-    outcome = compare_batches(darker, noisy(rng, "fireflies"), alike=False)
+    outcome = compare_batches(darker, noisy(rng, "fireflies"), alike=False, significance=0.01)
     assert outcome.different
     assert outcome.detectable_by_size[16] < 3 < 50 < outcome.detectable_by_size[1]
 

@@ -3,15 +3,19 @@
 Noise of one integrator may be even where that of another is a few fireflies, so batches cannot
 change places. Their means can still be compared. Of the differences d_k = b_k - a_k of a cell,
 
-    t = mean d / sqrt(v / K),    v = (s^2 + mean of s^2 over 3x3 cells) / 2 + tolerance^2,
+    t = mean d / sqrt(v / K),    v = (s^2 + mean of s^2 around) / 2 + tolerance^2,
 
-s^2 their variance. t is far from normal where noise is skewed: if fireflies carry light, most cells
-lack some, and show little noise besides. How far is seen when batches are drawn anew from those
-that there are, with replacement, and t* is that of such a picture against the mean of all (the
-bootstrap-t; Efron & Tibshirani 1993, An Introduction to the Bootstrap, 12.5): a cell with one
-firefly is without it in every third draw. The largest |t*| over all cells of a size, draw by draw,
-says which |t| is rare at this size; the smallest of these p-values, times the number of sizes, is p
-(Westfall & Young 1993; Bonferroni).
+s^2 their variance, around being 3x3 cells, or all where there are fewer. t is far from normal
+where noise is skewed: if fireflies carry light, most cells lack some, and show little noise
+besides. How far is seen when batches are drawn anew from those that there are, with replacement,
+and t* is that of such a picture against the mean of all (the bootstrap-t; Efron & Tibshirani 1993,
+An Introduction to the Bootstrap, 12.5): a cell with one firefly is without it in every third draw.
+The largest |t*| over all cells of a size, draw by draw, says which |t| is rare at this size; the
+smallest of these p-values, times the number of sizes, is p (Westfall & Young 1993; Bonferroni).
+
+Few cells can happen to have few of the fireflies that there are, and their draws then know too
+little of them. So the tail of a size, where draws are too few to tell, is no shorter than that of
+half the size, of which there are more cells, of noise that is more skewed.
 
 So p is no exact probability, but close to it, mostly above, as long as either picture has met all
 there is, somewhere: what none of its batches found anywhere counts as missing. The price is that
@@ -21,7 +25,7 @@ fireflies, which a comparison of like pictures cuts, hide small differences of c
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,13 +50,13 @@ class Tail:
 
     Beyond ``start`` it is a generalised Pareto distribution (Pickands 1975; Knijnenburg et al.
     2009, Fewer permutations, more accurate P-values), by moments (Hosking & Wallis 1987), with a
-    tail no lighter than exponential.
+    tail no lighter than exponential; ``excess`` is its mean.
     """
 
     drawn: Array
     start: float
     shape: float
-    scale: float
+    excess: float
 
     @classmethod
     def of(cls, scores: Array) -> Tail:
@@ -62,7 +66,11 @@ class Tail:
         beyond = drawn[-TAIL:] - start
         mean, variance = float(beyond.mean()), float(beyond.var(ddof=1))
         shape = max((1 - mean * mean / variance) / 2, 0.0) if variance > 0 else 0.0
-        return cls(drawn, start, shape, max(mean * (1 - shape), 1e-9))
+        return cls(drawn, start, shape, max(mean, 1e-9))
+
+    @property
+    def scale(self) -> float:
+        return self.excess * (1 - self.shape)
 
     def minus_log_p(self, score: Array) -> Array:
         """-log of the probability of this score or a higher one."""
@@ -112,12 +120,13 @@ def weigh(a: Array, b: Array, cell: int, significance: float, tolerance: float) 
 
 def _parts(a: Array, b: Array, cell: int, tolerance: float, draws: Array) -> Iterator[Drawn]:
     faint, size, freedom = faint_of(a, b), cell, float(len(a) - 1)
+    finer = 0.0
     while True:
         difference, allowed, brightness = _differences(a, b, tolerance, faint)
         centred = difference - difference.mean(axis=0)
         variance = _variance((centred**2).mean(axis=0), 0 * allowed, len(a)) + allowed**2
         variance = np.maximum(variance, 1e-300)
-        largest = _largest(centred, allowed, draws)
+        tail = Tail.of(_score(_largest(centred, allowed, draws), freedom))
         yield Drawn(
             f"{size} px",
             size,
@@ -127,8 +136,9 @@ def _parts(a: Array, b: Array, cell: int, tolerance: float, draws: Array) -> Ite
             variance.shape,
             False,
             freedom,
-            Tail.of(_score(largest, freedom)),
+            replace(tail, excess=max(tail.excess, finer)),
         )
+        finer = tail.excess
         if a.shape[1] == a.shape[2] == 1:
             break
         a, b, size = halved(a), halved(b), 2 * size
@@ -150,8 +160,7 @@ def _variance(square: Floats, mean: Floats, batches: int) -> Floats:
     """v but for the tolerance: of rows and columns and whatever else; ``square`` is lost."""
     square -= mean * mean
     square *= batches / (batches - 1)
-    around = local_mean(square)
-    square += around
+    square += local_mean(square) if min(square.shape[:2]) >= 3 else square.mean(axis=(0, 1))
     square /= 2
     return square
 
