@@ -5,6 +5,13 @@
 #include "base/rng.hpp"
 
 namespace usdmlt {
+namespace {
+
+double luminance_of(const int64_t* rgb) {
+    return 0.2126 * double(rgb[0]) + 0.7152 * double(rgb[1]) + 0.0722 * double(rgb[2]);
+}
+
+}  // namespace
 
 Film::Film(int width, int height, double scale, double sample_weight, bool with_splats,
            bool with_error, int layers)
@@ -57,14 +64,17 @@ void Film::add_parts(size_t pixel, const double all[3], double scale, const Laye
 
 // Small squares are rounded up or down by a hash: as units have different numbers, what is lost is
 // right on average.
-void Film::add_squares(UnitSplats& unit) {
-    const auto add_square = [&](uint32_t pixel, float luminance) {
-        const double square = double(luminance) * double(luminance) * square_unit;
-        const uint64_t hash = hash_key(pixel, std::bit_cast<uint32_t>(luminance));
+void Film::add_splats(UnitSplats& unit) {
+    unit.take([&](int x, int y, const UnitSplats::Sum& sum) {
+        const size_t i = index(x, y);
+        for (size_t c = 0; c < 3; ++c) add(splats_[i * 3 + c], sum[c]);
+        if (!has_error()) return;
+        const double luminance = luminance_of(sum.data());
+        const uint64_t hash = hash_key(i, std::bit_cast<uint64_t>(luminance));
         const double dither = double(hash >> 11) * 0x1p-53;
-        add(splat_squares_[pixel], std::min(std::floor(square + dither), 0x1p60));
-    };
-    unit.take(add_square, [&](uint32_t pixel) { __builtin_prefetch(&splat_squares_[pixel], 1); });
+        const double square = luminance * luminance * square_unit;
+        add(splat_squares_[i], std::min(std::floor(square + dither), 0x1p60));
+    });
 }
 
 void Film::develop_layer(int layer, float* rgb, double splats_per_pixel, double exposure) const {
@@ -123,9 +133,6 @@ void Film::develop(float* rgba, double splats_per_pixel, double exposure) const 
 
 void Film::develop_error(float* error, double splats_per_pixel, int64_t units,
                          double exposure) const {
-    const auto luminance_of = [](const int64_t* rgb) {
-        return 0.2126 * double(rgb[0]) + 0.7152 * double(rgb[1]) + 0.0722 * double(rgb[2]);
-    };
     const size_t pixels = size_t(width_) * height_;
     for (size_t i = 0; i < pixels; ++i) {
         double variance = 0;

@@ -55,27 +55,24 @@ public:
             add(squares_[i], std::min(v * scale_ * (v * scale_) * square_unit, 0x1p60));
         }
     }
-    // `unit`: null without errors.
-    void add_splat(int x, int y, const Spectrum& value, UnitSplats* unit,
+    // Of a unit, to be added at its end.
+    void add_splat(int x, int y, const Spectrum& value, UnitSplats& unit,
                    const LayerSums* parts = nullptr) {
-        const size_t i = index(x, y);
-        int64_t* p = &splats_[i * 3];
-        for (int c = 0; c < 3; ++c) add(p[c], value[c] * scale_);
+        UnitSplats::Sum& sum = unit.at(x, y);
+        for (size_t c = 0; c < 3; ++c) {
+            const double fixed = double(value[int(c)]) * scale_;
+            if (std::fabs(double(sum[c]) + fixed) < limit)
+                sum[c] += std::llrint(fixed);
+            else
+                overflows_.fetch_add(1, std::memory_order_relaxed);
+        }
         if (parts) {
             const double all[3] = {value[0], value[1], value[2]};
-            add_parts(i, all, scale_, *parts);
+            add_parts(index(x, y), all, scale_, *parts);
         }
-        if (unit)
-            unit->add(static_cast<uint32_t>(i), static_cast<float>(luminance(value) * scale_));
     }
-    // Fetches what a splat there will add to.
-    void prefetch_splat(int x, int y, const UnitSplats* unit) const {
-        const size_t i = index(x, y);
-        __builtin_prefetch(&splats_[i * 3], 1);
-        if (unit) unit->prefetch(static_cast<uint32_t>(i));
-    }
-    // At the end of each unit: adds the squares of what it has splatted.
-    void add_squares(UnitSplats& unit);
+    // Adds what a unit has splatted, and its squares.
+    void add_splats(UnitSplats& unit);
 
     // RGBA in row-major order, top row first: samples / their count + splats / splats_per_pixel.
     // Not to be called while units are running.
@@ -128,10 +125,12 @@ private:
             overflows_.fetch_add(1, std::memory_order_relaxed);
             return;
         }
-        const int64_t v = std::llrint(fixed);
+        add(sum, int64_t(std::llrint(fixed)));
+    }
+    void add(int64_t& sum, int64_t v) {
         if (v == 0) return;
         const int64_t old = std::atomic_ref<int64_t>(sum).fetch_add(v, std::memory_order_relaxed);
-        if (std::fabs(static_cast<double>(old) + fixed) >= limit)
+        if (std::fabs(double(old) + double(v)) >= limit)
             overflows_.fetch_add(1, std::memory_order_relaxed);
     }
 

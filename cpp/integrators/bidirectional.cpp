@@ -10,7 +10,7 @@ struct FilmSink {
     const PixelFilter& filter;
     float reduction;
     Film& film;
-    UnitSplats* unit;
+    UnitSplats& unit;
     LayerScratch* layers;  // null: the film has none
     Spectrum sum;
     int x = 0, y = 0;  // of the splat
@@ -49,7 +49,7 @@ struct FilmSink {
 
 void render_bidirectional_unit(const Scene& scene, const Settings& settings, const Tiles& tiles,
                                int64_t index, StrategyScratch& scratch, LayerScratch* layers,
-                               Film& film, UnitSplats* splats, UnitStatistics& statistics) {
+                               Film& film, UnitSplats& splats, UnitStatistics& statistics) {
     const Tiles::Unit unit = tiles.unit(index);
     FilmSink sink{settings.filter, float(settings.reduction), film, splats, layers, {}};
     StrategySampler sampler(scene, settings, scratch, statistics, sink);

@@ -10,6 +10,6 @@ namespace usdmlt {
 
 void render_bidirectional_unit(const Scene& scene, const Settings& settings, const Tiles& tiles,
                                int64_t index, StrategyScratch& scratch, LayerScratch* layers,
-                               Film& film, UnitSplats* splats, UnitStatistics& statistics);
+                               Film& film, UnitSplats& splats, UnitStatistics& statistics);
 
 }  // namespace usdmlt

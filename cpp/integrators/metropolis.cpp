@@ -304,7 +304,7 @@ void add_direct_light(const Scene& scene, const MetropolisPlan& plan,
 }  // namespace
 
 void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int64_t index,
-                            MetropolisScratch& scratch, Film& film, UnitSplats* splats,
+                            MetropolisScratch& scratch, Film& film, UnitSplats& splats,
                             UnitStatistics& statistics) {
     MetropolisUnitStatistics& counts = scratch.statistics;
     counts.reset();
@@ -317,7 +317,7 @@ void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int6
                                .reduction = float(plan.paths.reduction),
                                .classes = &counts.classes,
                                .scale = 0,
-                               .unit = splats,
+                               .unit = &splats,
                                .layers = scratch.layers};
     scratch.path.layers = scratch.layers;
     LayerSums* const parts = scratch.layers ? &scratch.layers->sample : nullptr;

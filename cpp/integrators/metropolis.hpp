@@ -107,7 +107,7 @@ void for_each_start(MetropolisScratch& scratch, const Spread& spread, int chains
 }
 
 void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int64_t index,
-                            MetropolisScratch& scratch, Film& film, UnitSplats* splats,
+                            MetropolisScratch& scratch, Film& film, UnitSplats& splats,
                             UnitStatistics& statistics);
 
 }  // namespace usdmlt

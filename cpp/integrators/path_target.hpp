@@ -35,7 +35,7 @@ struct PathRecorder {
     float reduction = 1;  // see Settings
     PathClasses* classes = nullptr;
     double scale = 1;                // of the chains: b of the unit
-    UnitSplats* unit = nullptr;      // null: the film has no errors
+    UnitSplats* unit = nullptr;      // of the film
     LayerScratch* layers = nullptr;  // null: the film has none
 
     // A path of one class that lands at `raster`; its parts are in layers->splat.
@@ -46,7 +46,7 @@ struct PathRecorder {
         const float x = std::floor((raster.x - offset.x) / reduction);
         const float y = std::floor((raster.y - offset.y) / reduction);
         if (!(x >= 0 && y >= 0 && x < float(film->width()) && y < float(film->height()))) return;
-        film->add_splat(static_cast<int>(x), static_cast<int>(y), value, unit,
+        film->add_splat(static_cast<int>(x), static_cast<int>(y), value, *unit,
                         layers ? &layers->splat : nullptr);
         classes->add(path_class, luminance(value));
     }
@@ -54,7 +54,7 @@ struct PathRecorder {
     void prefetch(Vec2f raster) const {
         const float x = std::floor(raster.x / reduction), y = std::floor(raster.y / reduction);
         if (film && x >= 0 && y >= 0 && x < float(film->width()) && y < float(film->height()))
-            film->prefetch_splat(static_cast<int>(x), static_cast<int>(y), unit);
+            unit->prefetch(static_cast<int>(x), static_cast<int>(y));
     }
 };
 

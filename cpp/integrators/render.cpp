@@ -75,17 +75,15 @@ struct ThreadState {
     std::unique_ptr<StrategyScratch> bidirectional;
     std::unique_ptr<MetropolisScratch> metropolis;
     std::unique_ptr<LayerScratch> layers;
-    std::unique_ptr<UnitSplats> splats;  // null: there are none, or the film has no errors
+    UnitSplats splats;
     UnitStatistics statistics;
     double cpu_seconds = 0;
 
     ThreadState(const Scene& scene, const Settings& settings, const MetropolisPlan* plan)
-        : statistics(settings.depth) {
+        : splats(scene.camera.width / settings.reduction), statistics(settings.depth) {
         if (settings.integrator == IntegratorKind::bidirectional)
             bidirectional = std::make_unique<StrategyScratch>(settings.depth);
         if (plan) metropolis = std::make_unique<MetropolisScratch>(scene, *plan);
-        if (settings.error_layer && settings.integrator != IntegratorKind::path)
-            splats = std::make_unique<UnitSplats>();
         if (!settings.layers) return;
         layers = std::make_unique<LayerScratch>(
             LayerScratch{LightPathClasses(scene, *settings.layers), {}, {}});
@@ -102,15 +100,14 @@ void render_unit(const Scene& scene, const Settings& settings, const MetropolisP
             break;
         case IntegratorKind::bidirectional:
             render_bidirectional_unit(scene, settings, tiles, index, *thread.bidirectional,
-                                      thread.layers.get(), film, thread.splats.get(),
-                                      thread.statistics);
+                                      thread.layers.get(), film, thread.splats, thread.statistics);
             break;
         case IntegratorKind::metropolis:
-            render_metropolis_unit(scene, *plan, index, *thread.metropolis, film,
-                                   thread.splats.get(), thread.statistics);
+            render_metropolis_unit(scene, *plan, index, *thread.metropolis, film, thread.splats,
+                                   thread.statistics);
             break;
     }
-    if (thread.splats) film.add_squares(*thread.splats);
+    film.add_splats(thread.splats);
 }
 
 }  // namespace

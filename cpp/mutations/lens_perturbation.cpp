@@ -14,7 +14,9 @@ Vec2f polar(double r, float u) {
     return Vec2f{std::cos(2 * pi * u), std::sin(2 * pi * u)} * static_cast<float>(r);
 }
 
-double distance(Vec2f a, Vec2f b) { return std::hypot(double(a.x) - b.x, double(a.y) - b.y); }
+double distance(Vec2f a, Vec2f b) {
+    return std::sqrt(sqr(double(a.x) - b.x) + sqr(double(a.y) - b.y));
+}
 
 }  // namespace
 
