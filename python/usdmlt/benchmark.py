@@ -12,9 +12,14 @@ what all seeds have in common, such as light that none of them found; :mod:`usdm
 from __future__ import annotations
 
 import itertools
+import os
 import tempfile
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from importlib.util import find_spec
+from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
 from typing import TYPE_CHECKING, Any
@@ -23,6 +28,7 @@ import numpy as np
 
 from usdmlt import native
 from usdmlt.settings import Settings
+from usdmlt.testing.mitsuba import Untranslated
 
 if TYPE_CHECKING:
     from usdmlt.scene import Scene
@@ -77,43 +83,60 @@ def measure(scene: Scene, integrator: ResolvedIntegrator, samples: int, depth: i
 
 
 def measure_mitsuba(scene: Scene, samples: int, depth: int) -> Iterator[Measurement | str]:
-    """Mitsuba 3's path integrator in each variant that runs here; a line where one does not."""
-    try:
-        import mitsuba as mi
-    except ImportError:
+    """Mitsuba 3's path integrator in each variant that runs here; a line where one does not.
+
+    Each in a process of its own: a compiler that does not know the processor ends it.
+    """
+    if find_spec("mitsuba") is None:
         yield "Mitsuba 3 is not installed"
         return
+    for variant in ("scalar_rgb", "llvm_ad_rgb"):
+        with tempfile.TemporaryDirectory() as folder:
+            log = Path(folder) / "stderr"
+            with ProcessPoolExecutor(
+                1, mp_context=get_context("spawn"), initializer=_write_errors_to, initargs=(log,)
+            ) as process:
+                try:
+                    yield process.submit(
+                        _measure_variant, variant, scene, samples, depth, Path(folder)
+                    ).result()
+                except Untranslated as error:
+                    yield f"Mitsuba 3: the scene is not translated: {error}"
+                    return
+                except (ImportError, RuntimeError) as error:
+                    told = log.read_text(errors="replace") if log.exists() else ""
+                    if not isinstance(error, BrokenProcessPool) or not told:
+                        told = str(error)
+                    first = told.strip().splitlines()[0][:120]
+                    yield f"Mitsuba 3 {variant} does not run here: {first}"
+
+
+def _write_errors_to(log: Path) -> None:
+    os.dup2(os.open(log, os.O_WRONLY | os.O_CREAT), 2)
+
+
+def _measure_variant(
+    variant: str, scene: Scene, samples: int, depth: int, folder: Path
+) -> Measurement:
+    import mitsuba as mi
+
     from usdmlt.testing import mitsuba as bridge
 
-    for variant in ("scalar_rgb", "llvm_ad_rgb"):
-        try:
-            mi.set_variant(variant)
-            with tempfile.TemporaryDirectory() as folder:
-                loaded = bridge.load(mi, scene, Path(folder), depth)
-                np.array(
-                    mi.render(loaded, spp=1, seed=SEEDS)
-                )  # compiles, where there is a compiler
-                start = process_time()
-                pictures = [
-                    np.array(mi.render(loaded, spp=samples, seed=seed)) for seed in range(SEEDS)
-                ]
-                seconds = process_time() - start
-        except bridge.Untranslated as error:
-            yield f"Mitsuba 3: the scene is not translated: {error}"
-            return
-        except (ImportError, RuntimeError) as error:
-            yield f"Mitsuba 3 {variant} does not run here: {str(error).splitlines()[0]}"
-            continue
-        count = SEEDS * samples * scene.width * scene.height
-        yield Measurement(
-            f"Mitsuba 3 path, {variant}",
-            count / seconds,
-            None,
-            None,
-            None,
-            rel_mse(pictures) * seconds / SEEDS,
-            float(np.mean(pictures)),
-        )
+    mi.set_variant(variant)
+    loaded = bridge.load(mi, scene, folder, depth)
+    np.array(mi.render(loaded, spp=1, seed=SEEDS))  # compiles, where there is a compiler
+    start = process_time()
+    pictures = [np.array(mi.render(loaded, spp=samples, seed=seed)) for seed in range(SEEDS)]
+    seconds = process_time() - start
+    return Measurement(
+        f"Mitsuba 3 path, {variant}",
+        SEEDS * samples * scene.width * scene.height / seconds,
+        None,
+        None,
+        None,
+        rel_mse(pictures) * seconds / SEEDS,
+        float(np.mean(pictures)),
+    )
 
 
 def rel_mse(pictures: list[Any]) -> float:

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
+
+import pytest
+
+from usdmlt import benchmark
+from usdmlt.stage import load
 
 CORNELL_BOX = Path(__file__).parents[2] / "scenes/cornell_box.usda"
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -66,3 +72,22 @@ def test_what_cannot_be_measured_is_refused(usdmlt_command: Run, stage: Path) ->
         assert done.returncode == 2, options
         assert complaint in done.stderr
         assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_renderer_that_ends_its_process_does_not_end_ours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a compiler does that does not know the processor."""
+    (tmp_path / "mitsuba.py").write_text(
+        "import os\n"
+        "def set_variant(name):\n"
+        "    os.write(2, b'cannot select\\nmore')\n"
+        "    os.abort()\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "mitsuba", raising=False)
+    told = list(benchmark.measure_mitsuba(load(CORNELL_BOX, width=8), samples=1, depth=2))
+    assert told == [
+        f"Mitsuba 3 {variant} does not run here: cannot select"
+        for variant in ("scalar_rgb", "llvm_ad_rgb")
+    ]
