@@ -50,11 +50,12 @@ class Progress:
     """How far a render is."""
 
     units_done: int
-    units_total: int
+    units_total: int  # with a target error as many as it will need, as estimated, if that is fewer
     samples_per_unit: float  # on average
     seconds: float  # of this run
     samples_are: str = "samples"  # of mlt "mutations", or their worth
     units_before: int = 0  # that were done before this run
+    is_total_known: bool = True  # not before the first look at the error: then it is the limit
 
     @property
     def samples_done(self) -> float:
@@ -93,6 +94,7 @@ class Rendering:
             self._core_scene, settings, self.integrator, compiled if self._light_paths else None
         )
         self._surfaces: SurfaceLayers | None = None
+        self._look: target_error.Look | None = None  # the last
         self._unreachable = unreachable_light(scene, self._core_scene, settings.depth)
         self._seconds_building = perf_counter() - started
 
@@ -166,7 +168,7 @@ class Rendering:
             if progress is not None:
                 progress(self.progress(units_done, total, seconds, units_before))
 
-        while not target_error.is_reached(self):
+        while not self.is_good_enough():
             gap = next(iter(gaps((first, last), self.units)), None)
             if gap is None:
                 break
@@ -201,6 +203,12 @@ class Rendering:
                 checkpoint.update(self)
         tell(self.units_done, seconds)
         return self.units_done == self.units_total
+
+    def is_good_enough(self) -> bool:
+        """Whether the error is looked at now, by the number of units done, and is small enough."""
+        look = target_error.look(self)
+        self._look = look or self._look
+        return look is not None and look.is_reached
 
     def state(self) -> State:
         """What the units done so far gave, to be added to a rendering of the same plan; its arrays
@@ -343,10 +351,16 @@ class Rendering:
         return self.scene.width * self.scene.height
 
     def progress(self, done: int, total: int, seconds: float, before: int) -> Progress:
-        """Of so many units done, some of them before."""
+        """Of so many units done, some of them before, and as many in total as are wanted at
+        most."""
         samples_are = "mutations" if self.integrator == "mlt" else "samples"
         samples = self._render.samples_per_unit
-        return Progress(done, total, samples, seconds, samples_are, before)
+        if self._look is not None:
+            # It ends when a look says so: until then there is something left.
+            least = done if self._look.is_reached else done + 1
+            total = min(total, max(self._look.units_needed, least))
+        is_known = self.settings.target_error is None or self._look is not None
+        return Progress(done, total, samples, seconds, samples_are, before, is_known)
 
 
 def render(

@@ -7,6 +7,7 @@ then the same on every machine, in one go or resumed.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,20 @@ if TYPE_CHECKING:
 FIRST_LOOK = {"path": 16, "bdpt": 16, "mlt": 32}
 FEWEST_UNITS = 32  # which tell the error of splats to an eighth
 GROWTH = 1.1  # from look to look
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a look at the error told. ``units``: how many were done; ``units_needed``: with how
+    many the error will be small enough, the same where it is already."""
+
+    units: int
+    units_needed: int
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether the error is small enough."""
+        return self.units_needed == self.units
 
 
 def relative_error(rendering: Rendering) -> float:
@@ -37,13 +52,26 @@ def relative_error(rendering: Rendering) -> float:
     return float(np.sqrt(squares.mean()))
 
 
-def is_reached(rendering: Rendering) -> bool:
-    """Whether the render has done the number of units of a look, and its error is small enough."""
+def look(rendering: Rendering) -> Look | None:
+    """A look, if the render has done the number of units of one.
+
+    The error falls like 1/sqrt(units): of n units with the error e, a target t needs n (e/t)^2. It
+    is reached at the look that comes next then.
+    """
     target, units = rendering.settings.target_error, rendering.units
     if target is None or len(units) != 1 or units[0][0] != 0:
-        return False
+        return None
     done = units[0][1]
-    return _next_look(rendering, done - 1) == done and relative_error(rendering) <= target
+    if _next_look(rendering, done - 1) != done:
+        return None
+    error = relative_error(rendering)
+    if error <= target:
+        return Look(done, done)
+    if math.isinf(error):
+        return None  # all is black yet
+    excess = error / target
+    needed = math.ceil(min(done * excess * excess, rendering.units_total))
+    return Look(done, _next_look(rendering, max(needed - 1, done)))
 
 
 def next_look(rendering: Rendering, first: int, last: int) -> int:

@@ -97,9 +97,9 @@ def chunk(arguments: argparse.Namespace, rendering: Rendering, until: int | None
 
 def tell_how_to_go_on(wanted: Range, rendering: Rendering, checkpoint: Checkpoint | None) -> None:
     """Where some of the work is left."""
-    from usdmlt import target_error, units
+    from usdmlt import units
 
-    if not units.gaps(wanted, rendering.units) or target_error.is_reached(rendering):
+    if not units.gaps(wanted, rendering.units) or rendering.is_good_enough():
         return
     if checkpoint is not None:
         logger.info("%s has the work so far: the same with --resume goes on", checkpoint.path)

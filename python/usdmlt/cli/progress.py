@@ -84,10 +84,10 @@ def fraction_done(progress: Progress, time_limit: float | None) -> float:
 
 
 def remaining_seconds(progress: Progress, time_limit: float | None) -> float | None:
-    """An estimate, or None before there is anything to estimate from."""
+    """An estimate, by the speed of this run, or None before there is anything to estimate from."""
     left = [] if time_limit is None else [max(time_limit - progress.seconds, 0.0)]
     made = progress.units_done - progress.units_before
-    if made > 0:
+    if made > 0 and progress.is_total_known:
         units_left = progress.units_total - progress.units_done
         left.append(progress.seconds * units_left / made)
     return min(left, default=None)

@@ -198,16 +198,16 @@ class Picture:
             self._age += 1
         self._add_up()
         self._collect()
-        self._tell()
         if self._ledger.is_rendered and not self._ledger.sums and not self.failure:
             self._next_units()
             self.finished = self._ledger.is_rendered
+        self._tell()
 
     # -- units ------------------------------------------------------------------------------------
 
     def _next_units(self) -> None:
         """All that is left, or up to where the error is looked at."""
-        if self._closed or target_error.is_reached(self.rendering):
+        if self._closed or self.rendering.is_good_enough():
             return
         missing = gaps(self.range, self.rendering.units)
         if missing:
