@@ -55,7 +55,7 @@ class Progress:
     seconds: float  # of this run
     samples_are: str = "samples"  # of mlt "mutations", or their worth
     units_before: int = 0  # that were done before this run
-    is_total_known: bool = True  # not before the first look at the error: then it is the limit
+    is_total_known: bool = True  # else it is the limit, and the error will be looked at before
 
     @property
     def samples_done(self) -> float:
@@ -355,11 +355,11 @@ class Rendering:
         most."""
         samples_are = "mutations" if self.integrator == "mlt" else "samples"
         samples = self._render.samples_per_unit
+        is_known = self._look is not None or target_error.next_look(self, done, total) == total
         if self._look is not None:
             # It ends when a look says so: until then there is something left.
             least = done if self._look.is_reached else done + 1
             total = min(total, max(self._look.units_needed, least))
-        is_known = self.settings.target_error is None or self._look is not None
         return Progress(done, total, samples, seconds, samples_are, before, is_known)
 
 

@@ -199,12 +199,16 @@ def test_a_time_limit_ends_a_render_on_a_cluster(cluster, plan) -> None:
 def test_a_target_error_ends_a_render_where_it_would_end_here(cluster, plan) -> None:
     cluster.add("a")
     cluster.add("b")
-    there, here = (plan(samples=None, target_error=0.08) for _ in range(2))
+    there, here = (plan(samples=None, target_error=0.05) for _ in range(2))
+    told: list[usdmlt.Progress] = []
     with cluster.client(2) as client:
-        on_cluster.render(client, there)
+        on_cluster.render(client, there, told.append)
     here.run()
     assert here.units_done < here.units_total
     assert_same(there, here)
+    assert told[-1].units_done == told[-1].units_total == here.units_done
+    half = next(made for made in told if made.units_done >= here.units_done / 2)
+    assert half.units_done / half.units_total == pytest.approx(0.5, abs=0.1)
 
 
 def test_the_loss_of_the_scheduler_is_an_error_and_no_loss_of_what_was_collected(

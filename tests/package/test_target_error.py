@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from collections.abc import Callable
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import usdmlt
+from usdmlt.cli.progress import fraction_done, remaining_seconds
 from usdmlt.errors import UsageError
 from usdmlt.target_error import relative_error
 
@@ -65,6 +67,57 @@ def test_samples_end_it_before(stage) -> None:
     assert short.run()
 
 
+@pytest.mark.parametrize(("integrator", "target"), [("path", 0.04), ("mlt", 0.01)])
+def test_progress_and_the_time_left_are_those_towards_the_target(stage, integrator, target) -> None:
+    """Within a tenth of the whole, which is how far a look is from the next."""
+    whole, part = (rendering(stage, target, integrator=integrator) for _ in range(2))
+    told: list[usdmlt.Progress] = []
+    whole.run(told.append)
+    assert fraction_done(told[-1], None) == 1 and remaining_seconds(told[-1], None) == 0
+    assert all(fraction_done(made, None) < 1 for made in told[:-1])
+    for share in (0.25, 0.5, 0.75):
+        part.run(until=round(share * whole.units_done))
+        made = part.progress(part.units_done, part.units_total, 60.0 * share, 0)
+        assert fraction_done(made, None) == pytest.approx(share, abs=0.1)
+        assert remaining_seconds(made, None) == pytest.approx(60.0 * (1 - share), abs=9)
+        assert fraction_done(made, 100.0 * share) == pytest.approx(max(share, 0.6), abs=0.1)
+        assert remaining_seconds(made, 60.0 * share + 1) == 1
+    # All units are done that seemed to be needed, and the error has not been looked at again.
+    late = part.progress(made.units_total, part.units_total, 60.0, 0)
+    assert 0.9 < fraction_done(late, None) < 1
+
+
+@pytest.mark.parametrize("samples", [32, 256])  # of the first, the error is never looked at
+def test_samples_are_the_progress_where_they_end_it_before(stage, samples) -> None:
+    short = rendering(stage, 1e-6, samples=samples)
+    short.run(until=short.units_total // 2)
+    made = short.progress(short.units_done, short.units_total, 10.0, 0)
+    assert fraction_done(made, None) == pytest.approx(0.5, abs=0.01)
+    assert remaining_seconds(made, None) == pytest.approx(10.0, rel=0.05)
+
+
+def test_the_time_left_of_a_resumed_render_is_by_its_own_work(stage) -> None:
+    whole, before, resumed = (rendering(stage, 0.03) for _ in range(3))
+    whole.run()
+    before.run(until=whole.units_done // 2)
+    resumed.add(before.state())
+    told: list[usdmlt.Progress] = []
+    resumed.run(told.append, until=3 * whole.units_done // 4)
+    made = resumed.progress(resumed.units_done, resumed.units_total, 10.0, told[-1].units_before)
+    assert fraction_done(made, None) == pytest.approx(0.75, abs=0.1)
+    assert remaining_seconds(made, None) == pytest.approx(10.0, abs=4)  # 3.3 by all work
+
+
+@pytest.mark.parametrize(("units", "settings"), [(31, {}), (32, {"depth": 1})])
+def test_no_time_is_left_to_tell_before_a_look_at_what_is_not_black(stage, units, settings) -> None:
+    begun = rendering(stage, 0.01, **settings)
+    begun.run(until=units)
+    made = begun.progress(begun.units_done, begun.units_total, 10.0, 0)
+    assert made.units_done == units and fraction_done(made, None) < 0.01
+    assert remaining_seconds(made, None) is None
+    assert remaining_seconds(made, 15.0) == 5
+
+
 def test_the_command_line_resumes_to_a_smaller_error(usdmlt_command: Run, stage, tmp_path) -> None:
     flags = ["-w", 48, "--integrator", "path"]
     run = ["render", stage, "a.exr", *flags, "--checkpoint", "c.exr"]
@@ -72,8 +125,10 @@ def test_the_command_line_resumes_to_a_smaller_error(usdmlt_command: Run, stage,
     assert done.returncode == 0, done.stderr
     assert "path, error 0.1, depth" in done.stderr
     assert "goes on" not in done.stderr
-    more = usdmlt_command(*run, "--error", 0.05, "--resume")
+    more = usdmlt_command(*run, "--error", 0.05, "--resume", "--progress", "json")
     assert more.returncode == 0, more.stderr
+    last = json.loads(more.stdout.splitlines()[-1])
+    assert last["fraction"] == 1 and last["remaining_seconds"] == 0
     usdmlt_command("render", stage, "b.exr", *flags, "--error", 0.05)
     a, b = (usdmlt.read_image(tmp_path / name) for name in ("a.exr", "b.exr"))
     assert a.metadata["units"] == b.metadata["units"]
