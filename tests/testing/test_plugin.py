@@ -71,6 +71,18 @@ def test_a_missing_reference_fails_with_the_command_that_makes_it(
     assert not (project.path / "references").exists()
 
 
+def test_commands_are_told_for_the_folder_where_pytest_was_called(
+    project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (project.path / "pytest.ini").write_text("[pytest]\n")
+    write(project, CHECK)
+    (project.path / "inner").mkdir()
+    (project.path / "test_picture.py").rename(project.path / "inner" / "test_picture.py")
+    monkeypatch.chdir(project.path / "inner")
+    result = run(project)
+    result.stdout.fnmatch_lines(["*: pytest test_picture.py::test_box --usdmlt-update"])
+
+
 def test_a_reference_that_was_made_is_met_bit_for_bit(project: pytest.Pytester) -> None:
     write(project, CHECK.replace("**OPTIONS", "exact=True, **OPTIONS"))
     run(project, "--usdmlt-update").assert_outcomes(passed=1)

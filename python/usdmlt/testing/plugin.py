@@ -116,7 +116,7 @@ def _check(request: pytest.FixtureRequest) -> Check:
             f"{samples}, {cell}, {significance:g}"
         )
     return Check(
-        test=request.node.nodeid,
+        test=_test_from_here(request),
         folder=request.path.parent / config.getini("usdmlt_references"),
         root=config.invocation_params.dir,
         default_name=_default_name(request.node.name),
@@ -127,6 +127,12 @@ def _check(request: pytest.FixtureRequest) -> Check:
         update=config.getoption(UPDATE),
         report=None if report is None else Path(report),
     )
+
+
+def _test_from_here(request: pytest.FixtureRequest) -> str:
+    """The node's id as pytest takes it where it was called; that of the node is from the root."""
+    file = Path(os.path.relpath(request.path, request.config.invocation_params.dir))
+    return "::".join([file.as_posix(), *str(request.node.nodeid).split("::")[1:]])
 
 
 def _default_name(test: str) -> str:
