@@ -145,7 +145,8 @@ struct Camera {
     // We towards a direction: p_lens·p_ω/cosθ, or 1/A for an orthographic camera.
     double importance(Vec3f direction, float time) const {
         if (orthographic) return pdf_origin();
-        return pdf_lens() * pdf_direction(direction, time) / dot(direction, pose(time).forward);
+        const double pdf = pdf_direction(direction, time);
+        return pdf > 0 ? pdf_lens() * pdf / dot(direction, pose(time).forward) : 0;
     }
 
 private:

@@ -48,7 +48,10 @@ double distance_density(const MutationContext& context, const Path& x, const Pat
                         int to) {
     const double old = distance_between(context, x[from], x[to]);
     const double moved = distance_between(context, y[from], y[to]);
-    return context.distance_range.pdf(std::fabs(std::log(moved / old))) / (2 * moved);
+    // 0 where points are so close that rounding has undone the move.
+    return moved == old
+               ? 0
+               : context.distance_range.pdf(std::fabs(std::log(moved / old))) / (2 * moved);
 }
 
 }  // namespace

@@ -41,7 +41,9 @@ struct Vertex {
 inline Vec3f direction_to(const Vertex& a, const Vertex& b) {
     if (b.infinite) return b.direction;
     if (a.infinite) return -a.direction;
-    return normalize(b.position - a.position);
+    const Vec3f d = b.position - a.position;
+    const float r2 = length_squared(d);
+    return r2 > 0 ? d * (1 / std::sqrt(r2)) : Vec3f{0, 0, 1};  // where G = 0, any
 }
 
 // A point of the surface pushed off it by its rounding error, to the side of `direction`.

@@ -18,7 +18,10 @@ import pytest
 from support.media_scenes import LIT_SCENES, MEDIA_SCENES
 from support.mutations import MUTATIONS
 from support.rendering import ALL, build, picture, pictures, plan, rgba
+from support.scenes import WHITE, picture_of
+from support.shapes import floor, perspective, translate
 from support.statistics import Agreement, agreement
+from usdmlt import scene as s
 
 DEPTH = 6
 # Where few paths carry much light: with few samples that of single pixels is skewed, more than
@@ -105,6 +108,22 @@ def test_paths_of_one_edge_are_the_same_samples(name: str) -> None:
     """They have one strategy, on the same rays."""
     path, bdpt = (picture(built(name), i, samples=4, depth=1) for i in ("path", "bdpt"))
     np.testing.assert_allclose(path, bdpt, rtol=1e-5)
+
+
+@pytest.mark.parametrize("integrator", ALL)
+def test_points_a_few_roundings_apart_make_finite_samples(integrator: str) -> None:
+    """Moves that rounding undoes have no density, and points that coincide no direction."""
+    x, y, z = place = (100, 200, 300)
+    tiny = picture_of(
+        perspective((x, y, z + 0.02), place, 40),
+        meshes=[floor(0, half=400)],  # the middle of all is far from the camera
+        materials=[WHITE],
+        lights=[s.SphereLight((1, 1, 1), 0.005, translate(*place))],
+        media=[s.Medium((100, 100, 100))],
+        world_medium=0,
+    )
+    for selective in (True, False):
+        assert picture(tiny, integrator, samples=256, depth=4, selective=selective).any()
 
 
 # ---- With many samples ------------------------------------------------------------------------
