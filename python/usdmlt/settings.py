@@ -103,13 +103,12 @@ class Settings:
         check_integer("depth", self.depth, 1, 1000)
         check_integer("seed", self.seed, 0, 2**32 - 1)
         check_integer("threads", self.threads, 1, 4096, optional=True)
-        if self.time is not None and not (self.time > 0 and math.isfinite(self.time)):
-            raise UsageError(f"time must be a positive number of seconds, not {self.time}")
-        if self.target_error is not None:
-            if not (self.target_error > 0 and math.isfinite(self.target_error)):
-                raise UsageError(f"target_error must be positive, not {self.target_error}")
-            if not self.error:
-                raise UsageError("target_error needs the layer of the error: error=True")
+        _check_positive("time", self.time, "number of seconds")
+        _check_positive("target_error", self.target_error, "number")
+        for name in ("error", "selective", "two_stage"):
+            _check_flag(name, getattr(self, name))
+        if self.target_error is not None and not self.error:
+            raise UsageError("target_error needs the layer of the error: error=True")
         if self.mutation_weights is not None:
             weights = check_weights(
                 "mutation_weights", self.mutation_weights, MUTATIONS, ERGODIC_MUTATIONS
@@ -192,6 +191,8 @@ def check_weights(
             raise UsageError(f"the weight of {name} must be a number, not {weight!r}")
         if not (weight >= 0 and math.isfinite(weight)):
             raise UsageError(f"the weight of {name} must be finite and not negative, not {weight}")
+    if not math.isfinite(sum(map(float, weights.values()))):
+        raise UsageError(f"{setting} are too large to be added up")
     if not any(weights.values()):
         raise UsageError(f"{setting} must not all be zero")
     if not any(weights.get(name, 0) for name in ergodic):
@@ -202,6 +203,19 @@ def check_weights(
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     if value not in choices:
         raise UsageError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
+
+
+def _check_positive(name: str, value: float | None, what: str) -> None:
+    if value is None:
+        return
+    is_number = isinstance(value, Real) and not isinstance(value, bool)
+    if not (is_number and value > 0 and math.isfinite(value)):
+        raise UsageError(f"{name} must be a positive {what}, not {value!r}")
+
+
+def _check_flag(name: str, value: bool) -> None:
+    if value not in (True, False):  # NumPy's are as good
+        raise UsageError(f"{name} must be True or False, not {value!r}")
 
 
 def check_integer(

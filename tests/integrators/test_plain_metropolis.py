@@ -171,6 +171,7 @@ def test_pictures_that_are_no_target_are_refused(f: object, complaint: str) -> N
         ({"mutations": {"uniform": 0}}, "must not all be zero"),
         ({"mutations": {}}, "must not all be zero"),
         ({"mutations": {"lens": 1}}, "unknown mutation 'lens'"),
+        ({"mutations": {"uniform": 1e308, "row": 1e308}}, "too large to be added up"),
         ({"mutations": {"uniform": -1}}, "must be finite and not negative"),
         ({"mutations": 1000}, "mutations must be a mapping of names to weights"),
         ({"count": 0}, "count must be between 1 and"),

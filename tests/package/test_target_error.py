@@ -140,7 +140,7 @@ def test_the_command_line_resumes_to_a_smaller_error(usdmlt_command: Run, stage,
 
 @pytest.mark.parametrize("target", [0, -1, float("nan"), float("inf")])
 def test_targets_that_make_no_sense_are_usage_errors(target) -> None:
-    with pytest.raises(UsageError, match="target_error must be positive"):
+    with pytest.raises(UsageError, match="target_error must be a positive number"):
         usdmlt.Settings(target_error=target)
 
 
