@@ -71,6 +71,16 @@ def test_a_missing_reference_fails_with_the_command_that_makes_it(
     assert not (project.path / "references").exists()
 
 
+def test_a_reference_holds_no_path_of_the_machine(project: pytest.Pytester) -> None:
+    (project.path / "box.usda").write_bytes(SCENE.read_bytes())
+    write(project, CHECK.replace("stage()", '"box.usda"'))
+    run(project, "--usdmlt-update").assert_outcomes(passed=1)
+    from usdmlt.testing import references
+
+    (reference,) = (project.path / "references").iterdir()
+    assert references.read(reference).metadata["stage"] == "../box.usda"
+
+
 def test_commands_are_told_for_the_folder_where_pytest_was_called(
     project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -37,7 +40,7 @@ def write(path: str | os.PathLike[str], batches: Batches, cell: int = CELL) -> N
         for k, picture in enumerate(stored)
         for c, name in enumerate(CHANNELS)
     }
-    first, *ids = exr.parts(batches)
+    first, *ids = exr.parts(replace(batches, metadata=_portable(batches.metadata, path)))
     first.attributes["oiio:subimagename"] = exr.FIRST_PART
     attributes = {name: first.attributes[name] for name in exr.SHARED if name in first.attributes}
     attributes |= {
@@ -52,6 +55,18 @@ def write(path: str | os.PathLike[str], batches: Batches, cell: int = CELL) -> N
     window = first.data_window or whole  # and this one
     with files.replacing(path) as temporary:
         write_parts(temporary, [first, *ids, Part(channels, attributes, window)])
+
+
+def _portable(metadata: dict[str, Any], path: str | os.PathLike[str]) -> dict[str, Any]:
+    """With the stage's path from the reference's folder, as both move with a repository."""
+    stage = str(metadata.get("stage") or "")
+    if not os.path.isabs(stage):
+        return metadata
+    folder = os.path.dirname(os.path.realpath(path))
+    try:
+        return metadata | {"stage": Path(os.path.relpath(stage, folder)).as_posix()}
+    except ValueError:  # on another drive
+        return metadata
 
 
 def read(path: str | os.PathLike[str]) -> Batches:
