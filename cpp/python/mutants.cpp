@@ -184,6 +184,24 @@ ScaledDouble lobe_choice(MutationContext& context, int m, const Path& x, const P
     });
 }
 
+// That a walk ends where it could have gone on by a Dirac component, by chance.
+ScaledDouble stop_choice(MutationContext& context, int m, const Path& x, const Path& y,
+                         const Change& change, bool) {
+    const int end = change.l + 1;
+    const Closure& closure = y[end].closure;
+    double stop = 1;
+    for (int lobe = 0; lobe < closure.lobe_count; ++lobe) {
+        if (!closure.lobes[lobe].delta) continue;
+        for (const Component c : {delta_reflection(lobe), delta_transmission(lobe)}) {
+            Vec3f direction;
+            if (closure.delta_direction(y.to_eye(end), c, direction))
+                stop -= closure.pdf(y.to_eye(end), direction, Known::eye, c) /
+                        closure.delta_measure(direction, c);
+        }
+    }
+    return healthy_density(context, m, x, y, change) * (1 / stop);
+}
+
 // Only the most likely split counts.
 ScaledDouble largest_split(MutationContext& context, int m, const Path& x, const Path& y,
                            const Change& change, bool) {
@@ -364,6 +382,7 @@ std::span<const Mutant> mutants() {
         {"light_point", light_point},
         {"dirac_measure", dirac_measure},
         {"lobe_choice", lobe_choice},
+        {"stop_choice", stop_choice},
         {"largest_split", largest_split},
         {"deletion_choice", deletion_choice},
         {"addition_choice", addition_choice},

@@ -87,6 +87,7 @@ SEEN_BY_STATIONARITY = [
     ("lobe_choice", "new_path", "pool_from_afar"),
     ("lobe_choice", "bidirectional", "pool_from_afar"),
     ("lobe_choice", "lens_subpath", "mirrors_and_floor"),
+    ("stop_choice", "lens_subpath", "lacquered_floor"),
     # Half vectors that are kept.
     ("half_vector", "glossy_lens", "polished"),
     ("half_vector", "glossy_caustic", "polished"),

@@ -113,6 +113,18 @@ def mirrors_and_floor() -> s.Scene:
 
 
 @class_scene
+def lacquered_floor() -> s.Scene:
+    """E D L and E S D L by a smooth coat, seen steeply and at glancing angles: it reflects a tenth
+    of the walks, or nearly all."""
+    return picture_of(
+        perspective((0, 0.35, 2.6), (0, 0.1, 0), 70),
+        meshes=[floor(0, 2.5), quad((-2, 0.3, -1.5), (4, 0, 0), (0, 1.4, 0), 1)],
+        materials=[LACQUER, WHITE],
+        lights=[s.RectLight((5, 5, 5), 1.2, 1.2, facing((0, 1.8, 0.4), (0, 0, 0)))],
+    )
+
+
+@class_scene
 def sun_caustics() -> s.Scene:
     """L S D E of a sun without extent and of a wide one, by a tilted mirror and a glass block;
     edges from the mirror to the floor differ 5 times."""
