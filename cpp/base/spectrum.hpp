@@ -48,9 +48,11 @@ inline Spectrum operator/(Spectrum a, const Spectrum& b) {
 inline float max_component(const Spectrum& s) { return std::max({s.c[0], s.c[1], s.c[2]}); }
 inline float mean(const Spectrum& s) { return (s.c[0] + s.c[1] + s.c[2]) * (1.0f / 3); }
 // Rec.709 luminance weights: an importance, not a colour-managed quantity.
-inline float luminance(const Spectrum& s) {
-    return 0.2126f * s.c[0] + 0.7152f * s.c[1] + 0.0722f * s.c[2];
+template <typename Float>
+Float luminance(Float r, Float g, Float b) {
+    return Float(0.2126) * r + Float(0.7152) * g + Float(0.0722) * b;
 }
+inline float luminance(const Spectrum& s) { return luminance(s.c[0], s.c[1], s.c[2]); }
 inline bool is_black(const Spectrum& s) { return s.c[0] == 0 && s.c[1] == 0 && s.c[2] == 0; }
 inline bool is_finite(const Spectrum& s) {
     return std::isfinite(s.c[0]) && std::isfinite(s.c[1]) && std::isfinite(s.c[2]);

@@ -8,7 +8,7 @@ namespace usdmlt {
 namespace {
 
 double luminance_of(const int64_t* rgb) {
-    return 0.2126 * double(rgb[0]) + 0.7152 * double(rgb[1]) + 0.0722 * double(rgb[2]);
+    return luminance(double(rgb[0]), double(rgb[1]), double(rgb[2]));
 }
 
 }  // namespace
@@ -69,10 +69,10 @@ void Film::add_splats(UnitSplats& unit) {
         const size_t i = index(x, y);
         for (size_t c = 0; c < 3; ++c) add(splats_[i * 3 + c], sum[c]);
         if (!has_error()) return;
-        const double luminance = luminance_of(sum.data());
-        const uint64_t hash = hash_key(i, std::bit_cast<uint64_t>(luminance));
+        const double value = luminance_of(sum.data());
+        const uint64_t hash = hash_key(i, std::bit_cast<uint64_t>(value));
         const double dither = double(hash >> 11) * 0x1p-53;
-        const double square = luminance * luminance * square_unit;
+        const double square = value * value * square_unit;
         add(splat_squares_[i], std::min(std::floor(square + dither), 0x1p60));
     });
 }

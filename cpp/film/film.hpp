@@ -51,7 +51,7 @@ public:
         add(p[3], value[3] * alpha_unit);
         std::atomic_ref<int64_t>(p[4]).fetch_add(1, std::memory_order_relaxed);
         if (has_error()) {
-            const double v = 0.2126 * value[0] + 0.7152 * value[1] + 0.0722 * value[2];
+            const double v = luminance(value[0], value[1], value[2]);
             add(squares_[i], std::min(v * scale_ * (v * scale_) * square_unit, 0x1p60));
         }
     }
@@ -59,10 +59,11 @@ public:
     void add_splat(int x, int y, const Spectrum& value, UnitSplats& unit,
                    const LayerSums* parts = nullptr) {
         UnitSplats::Sum& sum = unit.at(x, y);
-        for (size_t c = 0; c < 3; ++c) {
-            const double fixed = double(value[int(c)]) * scale_;
-            if (std::fabs(double(sum[c]) + fixed) < limit)
-                sum[c] += std::llrint(fixed);
+        for (int c = 0; c < 3; ++c) {
+            int64_t& total = sum[size_t(c)];
+            const double fixed = double(value[c]) * scale_;
+            if (std::fabs(double(total) + fixed) < limit)
+                total += std::llrint(fixed);
             else
                 overflows_.fetch_add(1, std::memory_order_relaxed);
         }

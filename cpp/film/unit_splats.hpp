@@ -5,7 +5,6 @@
 // a chain stays near its place, so that most of what it needs is in the cache.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>

@@ -33,7 +33,8 @@ inline constexpr uint32_t environment_light = 0xfffffffeu;
 // What lights are chosen and sampled by. Positive wherever the radiance is not zero, also outside
 // the gamut.
 inline double importance(const Spectrum& s) {
-    return 0.2126 * std::fabs(s.c[0]) + 0.7152 * std::fabs(s.c[1]) + 0.0722 * std::fabs(s.c[2]);
+    const auto magnitude = [&](int c) { return double(std::fabs(s.c[c])); };
+    return luminance(magnitude(0), magnitude(1), magnitude(2));
 }
 
 }  // namespace usdmlt

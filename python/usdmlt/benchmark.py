@@ -107,7 +107,7 @@ def measure_mitsuba(scene: Scene, samples: int, depth: int) -> Iterator[Measurem
                     told = log.read_text(errors="replace") if log.exists() else ""
                     if not isinstance(error, BrokenProcessPool) or not told:
                         told = str(error)
-                    first = told.strip().splitlines()[0][:120]
+                    first = (told.strip() or type(error).__name__).splitlines()[0][:120]
                     yield f"Mitsuba 3 {variant} does not run here: {first}"
 
 

@@ -123,8 +123,9 @@ def test_points_a_few_roundings_apart_make_finite_samples(integrator: str) -> No
         media=[s.Medium((100, 100, 100))],
         world_medium=0,
     )
-    for selective in (True, False):
-        assert picture(tiny, integrator, samples=256, depth=4, selective=selective).any()
+    variants = [{}, {"selective": False}] if integrator == "mlt" else [{}]
+    for variant in variants:
+        assert picture(tiny, integrator, samples=256, depth=4, **variant).any()
 
 
 # ---- With many samples ------------------------------------------------------------------------

@@ -35,8 +35,8 @@ def test_a_sample_s_weight_is_that_of_its_path(name: str) -> None:
 @pytest.mark.parametrize("within_band", [True, False])
 def test_starts_stay_fair_while_they_are_spread(within_band: bool) -> None:
     """As units draw and spread them; a third of a start for each sample makes many that are drawn
-    often. Leaving the band, as they would without
-    what keeps them in it, takes their light to where lighter starts are."""
+    often. Leaving the band, as they would without what keeps them in it, takes their light to where
+    lighter starts are."""
     rows = _core.spread_probe(
         build_scene("polished"), dict.fromkeys(MUTATIONS, 1.0), rounds=2, samples=20000,
         starts=6000, seed=1, within_band=within_band,
