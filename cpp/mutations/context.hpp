@@ -14,6 +14,7 @@
 #include <numbers>
 #include <vector>
 
+#include "mutations/aimed_direction.hpp"
 #include "paths/densities.hpp"
 #include "paths/path.hpp"
 
@@ -123,6 +124,8 @@ struct MutationContext {
     VertexArena arena;
     ScaledDouble recorded;  // T(x→y) as the last proposal made it: a by-product, for tests
     DensityScratch scratch;
+    // See aim.hpp: a proposal asks for them several times.
+    Memo<AimedDirection> aims;
     // Strata of the screen: chain `chain` of a unit, proposal by proposal.
     uint64_t unit_key = 0;
     uint32_t chain = 0, lens_proposals = 0;

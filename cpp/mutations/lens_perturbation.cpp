@@ -58,7 +58,7 @@ bool LensWalk<kind>::propose(MutationContext& context, const Path& x, Path& y, C
 }
 
 template <LensWalkKind kind>
-ScaledDouble LensWalk<kind>::density(const MutationContext& context, const Path& x, const Path& y,
+ScaledDouble LensWalk<kind>::density(MutationContext& context, const Path& x, const Path& y,
                                      const Change& change) {
     const Walk walk = walk_of(x);
     if (walk.end != change.l + 1) return 0;  // near-specular vertices became others
@@ -79,5 +79,6 @@ ScaledDouble LensWalk<kind>::density(const MutationContext& context, const Path&
 template struct LensWalk<LensWalkKind::plain>;
 template struct LensWalk<LensWalkKind::inner_chains>;
 template struct LensWalk<LensWalkKind::glossy>;
+template struct LensWalk<LensWalkKind::aimed>;
 
 }  // namespace usdmlt

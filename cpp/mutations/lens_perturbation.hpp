@@ -13,24 +13,28 @@ namespace usdmlt {
 
 // What perturbations that start at the lens differ in: walks without inner chains, those with, at
 // whose start the direction is perturbed as well, or those that pass near-specular vertices.
-enum class LensWalkKind { plain, inner_chains, glossy };
+enum class LensWalkKind { plain, inner_chains, glossy, aimed };
 
 template <LensWalkKind kind>
 struct LensWalk {
     // Whether it applies hangs on Dirac components and the kind of light alone.
-    static constexpr bool by_class = kind != LensWalkKind::glossy;
+    static constexpr bool is_glossy = kind == LensWalkKind::glossy || kind == LensWalkKind::aimed;
+    static constexpr bool by_class = !is_glossy;
 
     static Walk walk_of(const Path& x) {
-        return find_walk(x, Known::eye, x.edges(), kind == LensWalkKind::glossy);
+        Walk walk = find_walk(x, Known::eye, x.edges(), is_glossy);
+        walk.aimed = kind == LensWalkKind::aimed;
+        return walk;
     }
     static bool applies(const MutationContext&, const Path& x) {
         if (kind == LensWalkKind::glossy && !has_near_specular(x)) return false;
         const Walk walk = walk_of(x);
         if (kind == LensWalkKind::glossy) return walk.found() && walk.half_vectors > 0;
+        if (kind == LensWalkKind::aimed) return walk.found() && walk.chains > 0;
         return walk.found() && (walk.chains > 0) == (kind == LensWalkKind::inner_chains);
     }
     static bool propose(MutationContext& context, const Path& x, Path& y, Change& change);
-    static ScaledDouble density(const MutationContext& context, const Path& x, const Path& y,
+    static ScaledDouble density(MutationContext& context, const Path& x, const Path& y,
                                 const Change& change);
 };
 

@@ -5,6 +5,7 @@
 #include <string_view>
 #include <tuple>
 
+#include "mutations/aimed_perturbation.hpp"
 #include "mutations/bidirectional.hpp"
 #include "mutations/caustic_perturbation.hpp"
 #include "mutations/glossy_caustic_perturbation.hpp"
@@ -18,7 +19,7 @@ namespace usdmlt {
 
 using Mutations = std::tuple<NewPath, Bidirectional, LensPerturbation, CausticPerturbation,
                              MultiChainPerturbation, LensSubpath, GlossyLensPerturbation,
-                             GlossyCausticPerturbation>;
+                             GlossyCausticPerturbation, AimedPerturbation>;
 
 inline constexpr int mutation_count = static_cast<int>(std::tuple_size_v<Mutations>);
 

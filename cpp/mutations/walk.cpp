@@ -1,5 +1,7 @@
 #include "mutations/walk.hpp"
 
+#include "mutations/aim.hpp"
+
 namespace usdmlt {
 
 Walk find_walk(const Path& x, Known role, int start, bool glossy) {
@@ -56,6 +58,18 @@ double distance_density(const MutationContext& context, const Path& x, const Pat
 
 }  // namespace
 
+bool pass(const Path& x, int i, const Vertex& v, Vec3f known, Vec3f& direction, double& pdf) {
+    if (x.is_delta(i)) {
+        const Component component = x.at(i).component;
+        if (!v.closure.delta_direction(known, component, direction)) return false;
+        pdf = v.closure.delta_measure(direction, component);
+        return true;
+    }
+    if (!v.can_connect() || !keep_half_vector(x, i, v, known, direction)) return false;
+    pdf = half_vector_pdf(direction, known);
+    return true;
+}
+
 bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const Ray& first,
                 double pdf, Path& y) {
     const int step = walk.step();
@@ -81,16 +95,18 @@ bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const
         vertex.component = x.at(i).component;
         if (i == walk.end) return v.can_connect();
         Vec3f direction;
-        if (x.is_delta(i)) {
-            if (!v.closure.delta_direction(-ray.direction, vertex.component, direction))
-                return false;
-            pdf = v.closure.delta_measure(direction, vertex.component);
-        } else if (walk.glossy && is_near_specular(x, i)) {
-            if (!v.can_connect() || !keep_half_vector(x, i, v, -ray.direction, direction))
-                return false;
-            pdf = half_vector_pdf(direction, -ray.direction);
+        if (is_passed(x, walk, i)) {
+            if (!pass(x, i, v, -ray.direction, direction, pdf)) return false;
         } else {
             if (!v.can_connect()) return false;
+            if (walk.aimed) {
+                const AimedDirection a = aim(context, x, walk, i, v);
+                if (!a.found) return false;
+                direction = a.sample(context.random.next_2d());
+                pdf = a.pdf(direction);
+                ray = ray_from(v, direction);
+                continue;
+            }
             const double angle = context.direction_range.sample(context.random.next_double());
             direction = tilt(direction_along(x, i, step), angle, context.random.next_1d());
             pdf = context.direction_range.pdf_direction(angle);
@@ -114,8 +130,8 @@ double kept_step_density(const MutationContext& context, const Path& x, const Pa
            y.at(std::max(from, to)).edge.survival_of_surfaces(role_of(step));
 }
 
-ScaledDouble walk_density(const MutationContext& context, const Path& x, const Path& y,
-                          const Walk& walk, double first) {
+ScaledDouble walk_density(MutationContext& context, const Path& x, const Path& y, const Walk& walk,
+                          double first) {
     const int step = walk.step();
     ScaledDouble density = first;
     for (int i = walk.start + step; i != walk.end; i += step) {
@@ -127,6 +143,8 @@ ScaledDouble walk_density(const MutationContext& context, const Path& x, const P
             pdf = y[i].closure.delta_measure(direction, y.at(i).component);
         } else if (keeps_half_vector) {
             pdf = half_vector_pdf(direction, direction_along(y, i, -step));
+        } else if (walk.aimed) {
+            pdf = aim(context, x, walk, i, y[i]).pdf(direction);
         } else {
             const double angle = angle_between(direction, direction_along(x, i, step));
             pdf = context.direction_range.pdf_direction(angle);

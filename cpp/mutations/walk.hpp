@@ -26,6 +26,7 @@ struct Walk {
     int chains = 0;           // non-Dirac vertices between, whose direction is perturbed
     bool glossy = false;
     int half_vectors = 0;  // near-specular vertices that it passes
+    bool aimed = false;    // inner chains
 
     int step() const { return role == Known::eye ? -1 : 1; }
     bool found() const { return end >= 0; }
@@ -42,10 +43,19 @@ Walk find_walk(const Path& x, Known role, int start, bool glossy = false);
 bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const Ray& ray,
                 double pdf, Path& y);
 
+// Whether the walk passes x_i on its way: a Dirac vertex, or a near-specular one.
+inline bool is_passed(const Path& x, const Walk& walk, int i) {
+    return x.is_delta(i) || (walk.glossy && is_near_specular(x, i));
+}
+
+// The direction into which v, met from `known`, scatters as x_i does, and its density. False: there
+// is none.
+bool pass(const Path& x, int i, const Vertex& v, Vec3f known, Vec3f& direction, double& pdf);
+
 // Density of y's walk, given `first`, that of y_{start+step} in area measure; 0 where y's own walk
 // would pass other vertices.
-ScaledDouble walk_density(const MutationContext& context, const Path& x, const Path& y,
-                          const Walk& walk, double first);
+ScaledDouble walk_density(MutationContext& context, const Path& x, const Path& y, const Walk& walk,
+                          double first);
 
 // Density in area measure of the vertex after `from` (towards +1 or −1), whose direction or, from
 // infinity, origin has density `pdf`: where it stops in media at random,

@@ -360,6 +360,24 @@ std::vector<std::tuple<int, int, int, double>> bidirectional_choices(const Scene
     return out;
 }
 
+// Directions about the z axis.
+py::dict aimed_direction_probe(double xx, double xy, double yy, int count, uint64_t seed) {
+    AimedDirection aimed;
+    aimed.found = true;
+    aimed.frame = Frame::from_normal({0, 0, 1});
+    aimed.stretch = {xx, xy, 0, yy};
+    RandomStream random(seed);
+    Table table;
+    for (int i = 0; i < count; ++i) {
+        const Vec3f d = aimed.sample(random.next_2d());
+        table.set("x", d.x);
+        table.set("y", d.y);
+        table.set("z", d.z);
+        table.set("pdf", aimed.pdf(d));
+    }
+    return table.to_python();
+}
+
 }  // namespace
 
 void bind_mutations(py::module_& module) {
@@ -387,6 +405,10 @@ void bind_mutations(py::module_& module) {
     module.def("bidirectional_choices", &bidirectional_choices, py::arg("scene"), py::arg("edges"),
                py::arg("depth"), py::arg("min_edges") = 1,
                "(l, m, added edges, probability) of all that the bidirectional mutation can draw.");
+    module.def("aimed_direction_probe", &aimed_direction_probe, py::arg("xx"), py::arg("xy"),
+               py::arg("yy"), py::kw_only(), py::arg("count"), py::arg("seed") = 0,
+               "Directions of the aimed perturbation about the z axis, (count,) each, and their "
+               "densities in solid angle.");
     module.def("mutant_names", [] {
         std::vector<std::string> names;
         for (const Mutant& mutant : mutants()) names.emplace_back(mutant.name);

@@ -1,6 +1,6 @@
 #include "python/mutants.hpp"
 
-#include "mutations/walk.hpp"
+#include "mutations/aim.hpp"
 
 namespace usdmlt {
 namespace {
@@ -254,8 +254,8 @@ ScaledDouble forward_range(MutationContext& context, int m, const Path& x, const
 // The conversion from half vectors to solid angle is left out.
 ScaledDouble half_vector(MutationContext& context, int m, const Path& x, const Path& y,
                          const Change& change, bool) {
-    const bool glossy =
-        is(m, GlossyLensPerturbation::name) || is(m, GlossyCausticPerturbation::name);
+    const bool glossy = is(m, GlossyLensPerturbation::name) ||
+                        is(m, GlossyCausticPerturbation::name) || is(m, AimedPerturbation::name);
     return weighted_density(context, m, x, y, change, [&](const Making& making) {
         double c = 1;
         making.for_each_traced([&](int from, int) {
@@ -266,12 +266,41 @@ ScaledDouble half_vector(MutationContext& context, int m, const Path& x, const P
     });
 }
 
+// T without a factor of every direction that was aimed.
+template <typename Factor>
+ScaledDouble without_aimed(MutationContext& context, int m, const Path& x, const Path& y,
+                           const Change& change, const Factor& factor) {
+    ScaledDouble t = healthy_density(context, m, x, y, change);
+    if (!is(m, AimedPerturbation::name) || !t.is_positive()) return t;
+    const Walk walk = AimedPerturbation::walk_of(x);
+    for (int i = walk.start + walk.step(); i != walk.end; i += walk.step()) {
+        if (is_passed(x, walk, i)) continue;
+        t *= 1 / factor(aim(context, x, walk, i, y[i]), y.to_light(i));
+    }
+    return t;
+}
+// Directions are taken for equally dense whatever the chain does to them.
+ScaledDouble stretch(MutationContext& context, int m, const Path& x, const Path& y,
+                     const Change& change, bool) {
+    return without_aimed(context, m, x, y, change, [](const AimedDirection& aimed, Vec3f) {
+        return aimed.stretch.determinant();
+    });
+}
+// Or all around where they were aimed.
+ScaledDouble aimed_direction(MutationContext& context, int m, const Path& x, const Path& y,
+                             const Change& change, bool) {
+    return without_aimed(context, m, x, y, change,
+                         [](const AimedDirection& aimed, Vec3f direction) {
+                             return aimed.pdf(direction) / aimed.pdf(aimed.frame.z);
+                         });
+}
+
 // The density of the new lens point lacks its 1/r.
 ScaledDouble lens_point(MutationContext& context, int m, const Path& x, const Path& y,
                         const Change& change, bool) {
     ScaledDouble t = healthy_density(context, m, x, y, change);
     const bool walks = is(m, LensPerturbation::name) || is(m, MultiChainPerturbation::name) ||
-                       is(m, GlossyLensPerturbation::name);
+                       is(m, GlossyLensPerturbation::name) || is(m, AimedPerturbation::name);
     if (walks && change.m == x.edges() + 1)
         t *= length(y[y.edges()].position - x[x.edges()].position);
     return t;
@@ -390,6 +419,8 @@ std::span<const Mutant> mutants() {
         {"strategy_choice", strategy_choice},
         {"forward_range", forward_range},
         {"half_vector", half_vector},
+        {"stretch", stretch},
+        {"aimed_direction", aimed_direction},
         {"lens_point", lens_point},
         {"collision_density", collision_density},
         {"media_survival", media_survival},

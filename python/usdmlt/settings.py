@@ -27,6 +27,7 @@ MUTATIONS = (
     "lens_subpath",
     "glossy_lens",
     "glossy_caustic",
+    "aimed",
 )
 # One of these has to be there: the others keep the length of a path, or what it runs through.
 ERGODIC_MUTATIONS = ("new_path", "bidirectional")
@@ -64,9 +65,8 @@ class Settings:
 
     ``mutation_weights``: how often each mutation is tried, relative to the others that apply;
     those that are not named are not. Names: ``new_path``, ``bidirectional``, ``lens``,
-    ``caustic``, ``multi_chain``, ``lens_subpath``, ``glossy_lens``, ``glossy_caustic``; one of the
-    first two has to be among them.
-    None: chosen for the scene.
+    ``caustic``, ``multi_chain``, ``lens_subpath``, ``glossy_lens``, ``glossy_caustic``, ``aimed``;
+    one of the first two has to be among them. None: chosen for the scene.
     ``selective``: whether light that bidirectional path tracing finds is left to it, so that the
     mutations have what is hard to find alone; a part of the work goes to each, by a pilot.
     ``direct``: who renders light that is seen directly or after one bounce: path tracing alone

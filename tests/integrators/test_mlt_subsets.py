@@ -35,6 +35,7 @@ MUTATIONS = (
     "lens_subpath",
     "glossy_lens",
     "glossy_caustic",
+    "aimed",
 )
 REACH_ALL = {"new_path", "bidirectional"}
 
@@ -84,7 +85,7 @@ def chains(
 
 
 def test_the_sets() -> None:
-    assert len(ADMISSIBLE) == 192
+    assert len(ADMISSIBLE) == 384
 
 
 ALONE = {
@@ -96,6 +97,7 @@ ALONE = {
     "lens_subpath": "suns_through_glass",
     "glossy_lens": "dome_and_glossy",
     "glossy_caustic": "dome_and_glossy",
+    "aimed": "pool",
 }
 
 

@@ -30,6 +30,9 @@ STEPS = {
     ("lens", "thick_fog"): 2,
     ("caustic", "thick_fog"): 2,
     ("multi_chain", "milk"): 3,
+    ("aimed", "mirror_floor"): 3,
+    ("aimed", "mirrored_light"): 3,
+    ("aimed", "polished"): 8,
 }
 
 # (mutant, mutation, scene)
@@ -48,6 +51,7 @@ SEEN_BY_STATIONARITY = [
     ("end_distance", "glossy_lens", "polished"),
     ("end_distance", "glossy_caustic", "polished"),
     ("end_distance", "lens_subpath", "corridor"),
+    ("end_distance", "aimed", "mirror_floor"),
     # That of the others: where chains of Dirac vertices begin, and along them.
     ("inner_conversion", "new_path", "pool_from_afar"),
     ("inner_conversion", "bidirectional", "mirrors_and_floor"),
@@ -59,6 +63,7 @@ SEEN_BY_STATIONARITY = [
     ("inner_conversion", "lens_subpath", "sun_caustics"),
     ("inner_conversion", "glossy_lens", "polished"),
     ("inner_conversion", "glossy_caustic", "polished"),
+    ("inner_conversion", "aimed", "pool_from_afar"),
     # G of the joined edge, counted twice.
     ("joined_geometry", "new_path", "corridor"),
     ("joined_geometry", "bidirectional", "corridor"),
@@ -68,6 +73,7 @@ SEEN_BY_STATIONARITY = [
     ("joined_geometry", "lens_subpath", "corridor"),
     ("joined_geometry", "glossy_lens", "polished"),
     ("joined_geometry", "glossy_caustic", "polished"),
+    ("joined_geometry", "aimed", "mirrored_light"),
     # 1 − α of what is passed, α of where it ends.
     ("coverage", "new_path", "veils"),
     ("coverage", "bidirectional", "veils"),
@@ -84,6 +90,7 @@ SEEN_BY_STATIONARITY = [
     ("dirac_measure", "lens", "mirror_floor"),
     ("dirac_measure", "caustic", "lamp_caustics"),
     ("dirac_measure", "lens_subpath", "mirror_floor"),
+    ("dirac_measure", "aimed", "mirror_floor"),
     ("lobe_choice", "new_path", "pool_from_afar"),
     ("lobe_choice", "bidirectional", "pool_from_afar"),
     ("lobe_choice", "lens_subpath", "mirrors_and_floor"),
@@ -91,6 +98,10 @@ SEEN_BY_STATIONARITY = [
     # Half vectors that are kept.
     ("half_vector", "glossy_lens", "polished"),
     ("half_vector", "glossy_caustic", "polished"),
+    ("half_vector", "aimed", "polished"),
+    # Where inner chains are aimed, and how close to that they are.
+    ("stretch", "aimed", "lamp_caustics"),
+    ("aimed_direction", "aimed", "lamp_caustics"),
     # Media: where rays stop by chance, which walks that keep what they had do not; distances that
     # they change; points in them, which have no cosine.
     ("collision_density", "new_path", "thick_fog"),
@@ -121,10 +132,12 @@ SEEN_BY_STATIONARITY = [
     ("symmetric", "multi_chain", "mirrored_light"),
     ("symmetric", "glossy_lens", "polished"),
     ("symmetric", "glossy_caustic", "polished"),
+    ("symmetric", "aimed", "lamp_caustics"),
 ]
 
 SEEN_BY_WHAT_WAS_RECORDED = [
     ("end_cosine", "multi_chain", "mirrored_light"),
+    ("end_cosine", "aimed", "mirrored_light"),
     ("raster_domain", "bidirectional", "near_lamps"),
     ("raster_domain", "lens_subpath", "corridor"),
     ("light_point", "bidirectional", "near_lamps"),
@@ -132,8 +145,11 @@ SEEN_BY_WHAT_WAS_RECORDED = [
     ("dirac_measure", "multi_chain", "pool"),
     ("lens_point", "lens", "pool_through_a_lens"),
     ("lens_point", "multi_chain", "pool_through_a_lens"),
+    ("lens_point", "aimed", "pool_through_a_lens"),
     ("media_survival", "multi_chain", "milk"),
+    ("media_survival", "aimed", "milk"),
     ("distance_factor", "multi_chain", "milk"),
+    ("distance_factor", "aimed", "milk"),
 ]
 
 

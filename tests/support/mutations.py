@@ -33,6 +33,7 @@ MUTATIONS = (
     "lens_subpath",
     "glossy_lens",
     "glossy_caustic",
+    "aimed",
 )
 
 
