@@ -15,14 +15,6 @@ bool is_start(const Path& x, int m, Walk& walk) {
     return walk.found() && walk.chains == 0 && (walk.half_vectors > 0) == glossy;
 }
 
-template <bool glossy>
-int count_starts(const Path& x) {
-    int count = 0;
-    Walk walk;
-    for (int m = 0; m < x.edges(); ++m) count += is_start<glossy>(x, m, walk);
-    return count;
-}
-
 double length_of_edges(const Path& x, int first, int last) {
     double sum = 0;
     for (int i = first; i < last; ++i)
@@ -93,10 +85,18 @@ bool CausticWalk<glossy>::applies(const MutationContext&, const Path& x) {
 }
 
 template <bool glossy>
+int CausticWalk<glossy>::count_starts(const Path& x) {
+    int count = 0;
+    Walk walk;
+    for (int m = 0; m < x.edges(); ++m) count += is_start<glossy>(x, m, walk);
+    return count;
+}
+
+template <bool glossy>
 bool CausticWalk<glossy>::propose(MutationContext& context, const Path& x, Path& y,
                                   Change& change) {
     RandomStream& random = context.random;
-    const int count = count_starts<glossy>(x);
+    const int count = count_starts(x);
     int choice = std::min(static_cast<int>(random.next_double() * count), count - 1);
     Walk walk;
     int m = 0;
@@ -133,7 +133,7 @@ ScaledDouble CausticWalk<glossy>::density(MutationContext& context, const Path& 
     // Near-specular vertices may have become others.
     if (!is_start<glossy>(x, moves_light ? 0 : change.l, walk) || walk.end + 1 != change.m)
         return 0;
-    double pdf = 1.0 / count_starts<glossy>(x);
+    double pdf = 1.0 / count_starts(x);
     if (x[walk.start].infinite) {
         if (!x[0].light.delta)
             pdf *= moves_light ? direction_probability : 1 - direction_probability;

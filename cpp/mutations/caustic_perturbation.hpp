@@ -21,6 +21,7 @@ struct CausticWalk {
     static constexpr bool by_class = !glossy;
 
     static bool applies(const MutationContext&, const Path& x);
+    static int count_starts(const Path& x);
     static bool propose(MutationContext& context, const Path& x, Path& y, Change& change);
     static ScaledDouble density(MutationContext& context, const Path& x, const Path& y,
                                 const Change& change) {

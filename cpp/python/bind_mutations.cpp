@@ -281,7 +281,16 @@ py::dict start_probe(const Scene& scene, uint32_t samples, int depth, uint64_t s
     return out;
 }
 
+// With G for near-specular vertices.
+std::string glossy_class_name(const Path& path) {
+    std::string name = class_name(class_of(path));
+    for (int i = 1; i < path.edges(); ++i)
+        if (is_near_specular(path, i)) name[size_t(i)] = 'G';
+    return name;
+}
+
 // Many proposals of one mutation from one path: of the class, and nearest to a point of the raster.
+// In a class with a G all near-specular vertices are one.
 py::dict proposal_probe(const Scene& scene, const std::string& mutation,
                         const std::string& path_class, std::pair<float, float> raster, int count,
                         int depth, int min_edges, uint64_t seed) {
@@ -295,13 +304,15 @@ py::dict proposal_probe(const Scene& scene, const std::string& mutation,
     scratch.bootstrap.draw(hash_key(seed, 1), 4096, statistics);
     int m = 0;
     while (mutation_name(m) != mutation) ++m;
+    const bool glossy = path_class.find('G') != std::string::npos;
     const BootstrapEntry* nearest = nullptr;
     double distance = 0;
     for (const BootstrapEntry& entry : scratch.bootstrap.entries()) {
         if (!scratch.bootstrap.restore(entry, scratch.target, scratch.x, statistics)) continue;
         const Path& path = scratch.x.path;
         const double d = std::hypot(path.raster.x - raster.first, path.raster.y - raster.second);
-        if (class_name(class_of(path)) == path_class && (!nearest || d < distance)) {
+        const std::string name = glossy ? glossy_class_name(path) : class_name(class_of(path));
+        if (name == path_class && (!nearest || d < distance)) {
             nearest = &entry;
             distance = d;
         }
@@ -398,10 +409,12 @@ void bind_mutations(py::module_& module) {
                py::arg("depth") = 8, py::arg("seed") = 0,
                "Weights of bidirectional samples in the chains' target, and those that follow from "
                "their finished paths.");
-    module.def("proposal_probe", &proposal_probe, py::arg("scene"), py::arg("mutation"),
-               py::arg("path_class"), py::arg("raster"), py::kw_only(), py::arg("count"),
-               py::arg("depth") = 6, py::arg("min_edges") = 1, py::arg("seed") = 0,
-               "Many proposals from one path: what each was to change, and what was made.");
+    module.def(
+        "proposal_probe", &proposal_probe, py::arg("scene"), py::arg("mutation"),
+        py::arg("path_class"), py::arg("raster"), py::kw_only(), py::arg("count"),
+        py::arg("depth") = 6, py::arg("min_edges") = 1, py::arg("seed") = 0,
+        "Many proposals from one path: what each was to change, and what was made. The class "
+        "may have G for near-specular vertices.");
     module.def("bidirectional_choices", &bidirectional_choices, py::arg("scene"), py::arg("edges"),
                py::arg("depth"), py::arg("min_edges") = 1,
                "(l, m, added edges, probability) of all that the bidirectional mutation can draw.");

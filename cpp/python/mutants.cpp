@@ -202,6 +202,16 @@ ScaledDouble stop_choice(MutationContext& context, int m, const Path& x, const P
     return healthy_density(context, m, x, y, change) * (1 / stop);
 }
 
+// That one of the path's caustic walks is chosen.
+ScaledDouble start_choice(MutationContext& context, int m, const Path& x, const Path& y,
+                          const Change& change, bool) {
+    const double starts = is(m, CausticPerturbation::name) ? CausticPerturbation::count_starts(x)
+                          : is(m, GlossyCausticPerturbation::name)
+                              ? GlossyCausticPerturbation::count_starts(x)
+                              : 1;
+    return healthy_density(context, m, x, y, change) * starts;
+}
+
 // Only the most likely split counts.
 ScaledDouble largest_split(MutationContext& context, int m, const Path& x, const Path& y,
                            const Change& change, bool) {
@@ -412,6 +422,7 @@ std::span<const Mutant> mutants() {
         {"dirac_measure", dirac_measure},
         {"lobe_choice", lobe_choice},
         {"stop_choice", stop_choice},
+        {"start_choice", start_choice},
         {"largest_split", largest_split},
         {"deletion_choice", deletion_choice},
         {"addition_choice", addition_choice},

@@ -9,8 +9,9 @@ known laws; and whatever the mutation,
 
     E[1/T(x→y) · 1(y ∈ B)] = measure of B
 
-for parts B of path space that the mutation reaches, here areas of a floor: it sees an error that
-both ways of computing T share. It does not see factors of classes that the scenes below lack.
+for parts B of path space that the mutation reaches, here areas of a floor and rings of directions:
+it sees an error that both ways of computing T share. It does not see factors of classes that the
+scenes below lack.
 
 Significance of the statistical tests: 1e-4 each; seeds are fixed.
 """
@@ -25,7 +26,7 @@ from scipy import stats
 
 from support.class_scenes import CLASS_SCENES
 from support.media_scenes import LIT_SCENES
-from support.mutations import MUTATIONS, of_mutation, steps
+from support.mutations import MUTATIONS, build_scene, of_mutation, steps
 from support.rendering import build
 from support.scenes import GREY, HEIGHT, SCENES, WIDTH, picture_of
 from support.shapes import facing, floor, orthographic, perspective, quad
@@ -331,6 +332,60 @@ def test_the_density_of_aimed_directions_integrates_to_solid_angle(
             p.append(2 * stats.norm.sf(abs(values.mean() - solid_angle) / error))
     assert len(p) >= 3
     assert sidak(np.array(p)) >= SIGNIFICANCE, p
+
+
+def require_solid_angles(out: dict, path_class: str) -> None:
+    """E[A/T; y_0 → y_1 in half a ring about x_0 → x_1] = the half's solid angle, of the caustic
+    walks that start on the light. A is what T has for a direction of density 1: conversions to
+    area, and from half vectors to directions after every G."""
+    made, start, count = out["made"], out["start"], out["choices"]["made"].size
+    end = path_class.index("D")
+    chosen = (made["l"] == 0) & (made["m"] == end + 1)
+    points = [position(made, i) for i in range(end + 1)]
+    value = np.where(chosen, np.exp(-made["log_density"]), 0)
+    ways = []
+    for i in range(1, end + 1):
+        way = points[i] - points[i - 1]
+        distance = np.linalg.norm(way, axis=1, keepdims=True)
+        ways.append(way / distance)
+        # Every wall is normal to an axis, along which its points do not move.
+        moves = np.abs(points[i] - position(start, i))[chosen]
+        cosine = np.abs(ways[-1][:, np.argmin(np.median(moves, axis=0))])
+        value *= cosine / distance[:, 0] ** 2
+        if i > 1:
+            half = ways[-1] - ways[-2]
+            value /= 4 * np.sum(half * ways[-1], axis=1) / np.linalg.norm(half, axis=1)
+
+    before = np.concatenate([position(start, i) for i in range(end + 1)])
+    axis = before[1] - before[0]
+    across = ways[0] @ np.linalg.svd(axis[None])[2][1:].T
+    angle = np.arctan2(np.hypot(*across.T), ways[0] @ axis / np.linalg.norm(axis))
+    walked = np.linalg.norm(np.diff(before, axis=0), axis=1).sum()
+    pixel = 2 * math.tan(math.radians(35)) / HEIGHT
+    smallest = start["smallest_move"][0] * pixel * (start["length"][0] / walked - 1)
+    p = []
+    for lower, upper in ((1.2 * smallest, 2 * smallest), (2 * smallest, 3 * smallest)):
+        for side in (-1, 1):
+            inside = (angle > lower) & (angle < upper) & (across[:, 0] * side > 0)
+            mean = value[inside].sum() / count
+            error = math.sqrt((value[inside] ** 2).sum() / count - mean**2) / math.sqrt(count)
+            expected = math.pi * (math.cos(lower) - math.cos(upper))
+            assert error < 0.03 * expected
+            p.append(2 * stats.norm.sf(abs(mean - expected) / error))
+    assert sidak(np.array(p)) >= SIGNIFICANCE, p
+
+
+@pytest.mark.parametrize(
+    ("mutation", "path_class"),
+    [("caustic", "LDDE"), ("glossy_caustic", "LGDE"), ("glossy_caustic", "LGDDGDE")],
+)
+def test_the_choice_of_one_walk_of_several_is_counted(mutation: str, path_class: str) -> None:
+    """LDDE and LGDDGDE have two each. Both ways choose among as many, so that neither stationarity
+    nor what was recorded would tell that T leaves the choice out of both. The seed is one with
+    paths that keep off the edges of walls, so that rings are reached all round."""
+    scene, center = build_scene("two_plates"), (WIDTH / 2, HEIGHT / 2)
+    out = _core.proposal_probe(scene, mutation, path_class, center, count=100000, seed=14)
+    require_solid_angles(out, path_class)
 
 
 def uniform(values: np.ndarray) -> float:

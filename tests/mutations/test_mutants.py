@@ -27,6 +27,7 @@ STEPS = {
     ("lens", "mirror_floor"): 3,
     ("glossy_lens", "polished"): 8,
     ("glossy_caustic", "polished"): 4,
+    ("glossy_caustic", "two_plates"): 6,
     ("lens", "thick_fog"): 2,
     ("caustic", "thick_fog"): 2,
     ("multi_chain", "milk"): 3,
@@ -150,6 +151,9 @@ SEEN_BY_WHAT_WAS_RECORDED = [
     ("media_survival", "aimed", "milk"),
     ("distance_factor", "multi_chain", "milk"),
     ("distance_factor", "aimed", "milk"),
+    # There are as many walks to choose from on the way back.
+    ("start_choice", "caustic", "corridor"),
+    ("start_choice", "glossy_caustic", "two_plates"),
 ]
 
 
@@ -197,7 +201,8 @@ def disagreeing(rows: dict, column: str) -> float:
 def test_the_recorded_density_sees(mutant: str, mutation: str, scene: str) -> None:
     rows = rows_of(mutation, scene)
     assert disagreeing(rows, "log_forward") < 0.2
-    changed = np.abs(rows[mutant] - rows["log_forward"]) > 0.1
+    with np.errstate(invalid="ignore"):
+        changed = np.abs(rows[mutant] - rows["log_forward"]) > 0.1
     alone = changed & (rows["terms"] == 1)
     changed = alone if alone.sum() > 100 else changed
     assert changed.sum() > 100

@@ -184,6 +184,26 @@ def polished() -> s.Scene:
 
 
 @class_scene
+def two_plates() -> s.Scene:
+    """L G D E, and L G D D G D E with two walks to choose from: the lamp of a white room shines at
+    a near-specular floor; a wall is such as well."""
+    polish = s.Material(s.Conductor(roughness=0.18))
+    lamp = facing((-0.2, 1.4, 0.1), (-0.1, 0, 0), (0, 0, 1))
+    return picture_of(
+        perspective((0.5, 0.9, 1.3), (-0.4, 0.9, -1), 70),
+        meshes=[
+            floor(1, 1.0),
+            quad((1, 0.4, 0.9), (0, 0, -1.8), (0, 0.9, 0), 1),
+            quad((-0.9, 1.7, 0.9), (1.8, 0, 0), (0, 0, -1.9), 0),
+            quad((-1, 0.4, 0.9), (0, 0, -1.8), (0, 0.9, 0), 0),
+            quad((-0.9, 0.4, -1.1), (1.8, 0, 0), (0, 0.9, 0), 0),
+        ],
+        materials=[WHITE, polish],
+        lights=[s.RectLight((9, 8, 7), 0.3, 0.2, lamp)],
+    )
+
+
+@class_scene
 def veils() -> s.Scene:
     """Sheets of partial opacity, one of which emits, over a floor."""
     return picture_of(
