@@ -10,16 +10,32 @@ twice the mutations, half the error².
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from usdmlt import equal_time
+from usdmlt.scene import Scene
 from usdmlt.stage import load
 
 ROOT = Path(__file__).parents[2]
 MUTATIONS = (8, 16, 32, 64, 128, 256)  # per pixel
 DEPTH = 8
+
+
+def renders(
+    scene: Scene, lengths: Sequence[int], seeds: int
+) -> Iterator[tuple[float, list[np.ndarray]]]:
+    """Mutations per pixel as they were spent, and pictures (height, width, 3) of so many seeds, for
+    every length; all of them are independent."""
+    for number, mutations in enumerate(lengths):
+        timed = [
+            equal_time.render(scene, "mlt", mutations, DEPTH, seed=seeds * number + i)
+            for i in range(seeds)
+        ]
+        spent = float(np.mean([t.stats["samples_per_pixel"] for t in timed]))
+        yield spent, [t.picture for t in timed]
 
 
 def measure(scene_path: Path, width: int, seeds: int, reference_seconds: float) -> np.ndarray:
@@ -28,13 +44,8 @@ def measure(scene_path: Path, width: int, seeds: int, reference_seconds: float) 
     reference = equal_time.make_reference(scene, reference_seconds, DEPTH)
     print(f"reference: {reference.integrator}, relMSE of a half {reference.rel_mse:.2g}")
     rows = []
-    for length, mutations in enumerate(MUTATIONS):
-        timed = [
-            equal_time.render(scene, "mlt", mutations, DEPTH, seed=seeds * length + i)
-            for i in range(seeds)
-        ]
-        errors = [equal_time.relative_error(t.picture, reference.parts) for t in timed]
-        spent = np.mean([t.stats["samples_per_pixel"] for t in timed])
+    for spent, pictures in renders(scene, MUTATIONS, seeds):
+        errors = [equal_time.relative_error(picture, reference.parts) for picture in pictures]
         rows.append((spent, *equal_time.mean_and_error(errors)))
         print(
             f"{spent:6.0f} mutations per pixel: {rows[-1][1]:.4g} ± {rows[-1][2]:.2g}", flush=True
