@@ -43,7 +43,7 @@ SAMPLES: dict[Integrator, int] = {"path": 4, "bdpt": 2, "mlt": 8}
 # Processor time of a ray with what belongs to it, relative to the path tracer's.
 COST: dict[Integrator, float] = {"path": 1.0, "bdpt": 1.05, "mlt": 1.4}
 # Fewer pixels, or paths of the chains, than these that make up an error: too few to believe it.
-FEWEST_PIXELS, FEWEST_PATHS = 40.0, 200.0
+FEWEST_PIXELS, FEWEST_PATHS = 40.0, 400.0
 # What the chains foresee of an error matters from this part of it on.
 NOTABLE = 0.4
 # Bidirectional samples are stratified, and better than the chains foresee.

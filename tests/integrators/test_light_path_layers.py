@@ -111,7 +111,7 @@ def test_all_parts_of_metropolis_light_transport_fill_layers(direct, selective):
 
 
 @pytest.mark.parametrize(
-    ("integrator", "width", "units"), [("path", 96, 6), ("bdpt", 96, 6), ("mlt", 512, 7)]
+    ("integrator", "width", "units"), [("path", 96, 6), ("bdpt", 96, 6), ("mlt", 768, 7)]
 )
 def test_layers_sum_to_the_picture_within_a_pass(integrator, width, units):
     """Where some pixels have a sample more than others."""
@@ -237,7 +237,8 @@ def test_the_caustic_is_the_same_from_all_integrators(name, integrator):
     path = layer_pictures(scene, "LS+DE", "path", range(16), samples=96)
     other = layer_pictures(scene, "LS+DE", integrator, range(100, 116), **work(integrator, 12))
     assert path.any()
-    agreement(path, other).require(resolution=0.06)
+    # In some pixels the path tracer finds nothing at all.
+    agreement(path, other).require(resolution=0.06, questions=("blocks", "mean"))
 
 
 @pytest.mark.parametrize("integrator", BOTH)
