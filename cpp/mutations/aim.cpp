@@ -49,9 +49,7 @@ public:
     }
 
     // Directions are points of the plane that touches the unit sphere at the old one.
-    Vec3f direction(Vec2f w) const {
-        return normalize(leaving_.z + leaving_.x * w.x + leaving_.y * w.y);
-    }
+    Vec3f direction(Vec2f w) const { return direction_at(leaving_, w); }
     bool towards(Vec3f direction, Vec2f& w) const {
         const float z = dot(direction, leaving_.z);
         w = Vec2f{dot(direction, leaving_.x), dot(direction, leaving_.y)} * (1 / z);

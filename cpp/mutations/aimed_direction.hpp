@@ -24,6 +24,11 @@ struct Matrix2 {
     }
 };
 
+// Of a point of the plane that touches the unit sphere at frame.z.
+inline Vec3f direction_at(const Frame& frame, Vec2f w) {
+    return normalize(frame.z + frame.x * w.x + frame.y * w.y);
+}
+
 struct AimedDirection {
     static constexpr double sigma = 0.15;
 
@@ -34,8 +39,8 @@ struct AimedDirection {
     Vec3f sample(Vec2f u) const {
         const double r = sigma * std::sqrt(u.x / (1 - double(u.x)));
         const double phi = 2 * std::numbers::pi * u.y;
-        const Vec2f w = stretch.solve({float(r * std::cos(phi)), float(r * std::sin(phi))});
-        return normalize(frame.z + frame.x * w.x + frame.y * w.y);
+        return direction_at(frame,
+                            stretch.solve({float(r * std::cos(phi)), float(r * std::sin(phi))}));
     }
     // In solid angle.
     double pdf(Vec3f direction) const {

@@ -9,15 +9,14 @@ Walk find_walk(const Path& x, Known role, int start, bool glossy) {
     walk.role = role;
     walk.start = start;
     walk.glossy = glossy;
-    const auto keeps_half_vector = [&](int i) { return glossy && is_near_specular(x, i); };
     const int step = walk.step(), last = role == Known::eye ? 0 : x.edges();
     for (int i = start + step; i != last; i += step) {
         if (x.is_delta(i)) continue;
-        if (keeps_half_vector(i)) {
+        if (is_passed(x, walk, i)) {
             ++walk.half_vectors;
             continue;
         }
-        if (i + step == last || !(x.is_delta(i + step) || keeps_half_vector(i + step))) {
+        if (i + step == last || !is_passed(x, walk, i + step)) {
             walk.end = i;
             return walk;
         }
@@ -97,16 +96,14 @@ bool trace_walk(MutationContext& context, const Path& x, const Walk& walk, const
         Vec3f direction;
         if (is_passed(x, walk, i)) {
             if (!pass(x, i, v, -ray.direction, direction, pdf)) return false;
+        } else if (!v.can_connect()) {
+            return false;
+        } else if (walk.aimed) {
+            const AimedDirection aimed = aim(context, x, walk, i, v);
+            if (!aimed.found) return false;
+            direction = aimed.sample(context.random.next_2d());
+            pdf = aimed.pdf(direction);
         } else {
-            if (!v.can_connect()) return false;
-            if (walk.aimed) {
-                const AimedDirection a = aim(context, x, walk, i, v);
-                if (!a.found) return false;
-                direction = a.sample(context.random.next_2d());
-                pdf = a.pdf(direction);
-                ray = ray_from(v, direction);
-                continue;
-            }
             const double angle = context.direction_range.sample(context.random.next_double());
             direction = tilt(direction_along(x, i, step), angle, context.random.next_1d());
             pdf = context.direction_range.pdf_direction(angle);
