@@ -7,6 +7,8 @@ namespace usdmlt {
 namespace {
 
 constexpr int stratified_pairs = 12;  // of each of the two subpaths
+// Entries below this part of a start's mean weight are kept by chance.
+constexpr double least_weight = 0.01;
 
 uint32_t spread_bits(uint32_t x) {
     x &= 0xffff;
@@ -69,7 +71,7 @@ struct EntrySink {
     std::vector<BootstrapEntry>& entries;
     uint32_t number = 0, pass = 0;
     Vec2f raster{}, splat{};
-    double sum = 0;
+    double sum = 0, least = 0;
 
     // What the split leaves; null: it is lost.
     const PathRecorder* recorder = nullptr;
@@ -96,8 +98,13 @@ struct EntrySink {
             rough_vertices(sample.edges(), [&](int i) { return is_delta(sample, i); }));
         const double of_chains = split.of_chains(sqr(f * survival(sample) / q) / sample.weight);
         if (recorder) record(sample, sample.value * static_cast<float>((1 - of_chains) * scale));
-        const double v = f * of_chains * scale;
+        double v = f * of_chains * scale;
         if (!(v > 0)) return;
+        // Nearly all are that small where little is left to the chains, and they have to be sorted.
+        if (v < least) {
+            if (random.next_double() * least >= v) return;
+            v = least;
+        }
         sum += v;
         entries.push_back({sort_key(sample, domain, p), v, number, pass,
                            static_cast<uint16_t>(sample.s), static_cast<uint16_t>(sample.t)});
@@ -200,7 +207,7 @@ bool Bootstrap::sample(uint32_t number, uint32_t pass, Sink& sink, UnitStatistic
 }
 
 double Bootstrap::draw(uint64_t key, uint32_t count, UnitStatistics& statistics) {
-    begin_pixels(key);
+    begin_pixels(key, 0);
     by_pixel_ = false;
     EntrySink sink{context_.domain, importance_, split_, entries_};
     for (uint32_t i = 0; i < count; ++i) {
@@ -212,8 +219,9 @@ double Bootstrap::draw(uint64_t key, uint32_t count, UnitStatistics& statistics)
     return total_ / (count * context_.domain.density_scale());
 }
 
-void Bootstrap::begin_pixels(uint64_t key) {
+void Bootstrap::begin_pixels(uint64_t key, int starts) {
     key_ = key;
+    starts_ = starts;
     by_pixel_ = true;
     entries_.clear();
     total_ = 0;
@@ -227,6 +235,7 @@ CameraSample Bootstrap::add_pixel(const PixelSubset::Place& place, const PathRec
     sink.in_image = place.in_image;
     sink.recorder = &recorder;
     sink.splat_scale = splat_scale;
+    sink.least = least_weight * total_ / starts_;
     sink.random = RandomStream(hash_key(hash_key(key_, 2 + uint64_t(place.pass)), place.pixel));
     if (!sample(place.pixel, place.pass, sink, statistics)) return {};
     total_ += sink.sum;

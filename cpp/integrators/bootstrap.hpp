@@ -40,7 +40,7 @@ public:
 
     // The same by samples of pixels, one after the other: paths that end on the lens are recorded
     // times `splat_scale`, those of the camera's walk are returned.
-    void begin_pixels(uint64_t key);
+    void begin_pixels(uint64_t key, int starts);
     CameraSample add_pixel(const PixelSubset::Place& place, const PathRecorder& recorder,
                            double splat_scale, UnitStatistics& statistics);
     // Of all that were added: Σ v.
@@ -73,6 +73,7 @@ private:
     StrategyScratch scratch_;
     Path path_;  // scratch
     uint64_t key_ = 0;
+    int starts_ = 0;
     bool by_pixel_ = false;
     double total_ = 0;
     std::vector<BootstrapEntry> entries_;

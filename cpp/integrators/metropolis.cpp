@@ -326,7 +326,7 @@ void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int6
     // Camera samples; splats of the film are normalised by the number of mutations.
     const double samples = plan.pixels.samples_per_pixel() * plan.image_pixels;
     const double splat_scale = plan.mutations_per_sample();
-    scratch.bootstrap.begin_pixels(unit_key(plan.paths, 3, 0));
+    scratch.bootstrap.begin_pixels(unit_key(plan.paths, 3, 0), plan.chains);
     plan.pixels.for_each(index, unit_key(plan.paths, 4, 0), [&](const PixelSubset::Place& place) {
         double sum[4] = {0, 0, 0, 0};
         if (parts) parts->clear();
