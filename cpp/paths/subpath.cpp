@@ -85,8 +85,8 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
             if (n > roulette_start) q = continuation_probability(w / start);
         } else if (sample.component == non_delta && ++rough > Continuation::certain) {
             q = static_cast<float>(path.continuation.probability);
-            path.continuation.arrived += arrived;
-            path.continuation.went_on += w;
+            path.continuation.arrived += arrived / start;
+            path.continuation.went_on += w / start;
         }
         if (q < 1) {
             if (choice.y >= q) return;

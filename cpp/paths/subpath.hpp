@@ -29,9 +29,9 @@ struct SubpathVertex : Vertex {
 // with one probability, so that survival is known from a path's class. Best is the fraction of
 // light that goes on, which walks measure as they are.
 struct Continuation {
-    static constexpr int certain = 2;  // vertices from which all go on
+    static constexpr int certain = 1;  // vertices from which all go on
     double probability = 1;
-    double arrived = 0, went_on = 0;  // throughput, summed over vertices
+    double arrived = 0, went_on = 0;  // throughput in units of the walk's, summed over vertices
 };
 
 // Vertices of one thread: capacity is chosen once, from the depth limit.
