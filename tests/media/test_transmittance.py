@@ -30,8 +30,7 @@ def expect(scene: s.Scene, integrator: str, color: np.ndarray, exact: bool, **se
         got = picture(scene, integrator, samples=4, **settings)
         np.testing.assert_allclose(got, expected, rtol=2e-5)
     else:
-        samples = 16 if integrator == "mlt" else 64
-        got = pictures(scene, integrator, 16, **work(integrator, samples), **settings)
+        got = pictures(scene, integrator, 16, **work(integrator, 64), **settings)
         agreement(got, expected).require(resolution=0.01)
 
 
