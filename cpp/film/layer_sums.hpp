@@ -19,19 +19,15 @@ struct LayerSums {
         double value[3];
     };
     std::vector<Part> parts;  // of different masks; grows to what is needed, and stays
-    double scale = 1;         // of what is added
 
-    void clear() {
-        parts.clear();
-        scale = 1;
-    }
+    void clear() { parts.clear(); }
     void add(LayerMask mask, const Spectrum& value) {
         for (Part& part : parts)
             if (part.mask == mask) {
-                for (int c = 0; c < 3; ++c) part.value[c] += value[c] * scale;
+                for (int c = 0; c < 3; ++c) part.value[c] += value[c];
                 return;
             }
-        parts.push_back({mask, {value[0] * scale, value[1] * scale, value[2] * scale}});
+        parts.push_back({mask, {value[0], value[1], value[2]}});
     }
 };
 

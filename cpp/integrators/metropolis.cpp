@@ -152,7 +152,6 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
     if (direct_separately) {
         paths.min_edges = std::max(settings.min_edges, 3);
         direct.depth = std::min(settings.depth, 2);
-        direct_samples = 1;
     }
     image_pixels = double(scene.camera.width / settings.reduction) *
                    (scene.camera.height / settings.reduction);
@@ -213,9 +212,6 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
     chains = std::max(
         1, static_cast<int>(std::lround(samples * sample_cost * (1 - share) / (share * steps))));
     work = double(mutations_per_unit()) + samples * sample_cost;
-    // As many as there would be if all of the work was bidirectional samples: direct light is then
-    // no noisier than theirs in the same time.
-    if (direct_separately) direct_samples = static_cast<int>(std::lround(1 / share));
 
     // Which strategies find the light that is left to the chains.
     MetropolisScratch scratch(scene, *this);
@@ -240,7 +236,7 @@ void MetropolisPlan::shorten(double work_per_pixel) {
 
 uint64_t MetropolisPlan::digest() const {
     uint64_t key = hash_key(uint64_t(direct_separately), pilot_rays);
-    for (const int n : {chains, steps, direct_samples}) key = hash_key(key, uint64_t(n));
+    for (const int n : {chains, steps}) key = hash_key(key, uint64_t(n));
     std::vector<double> numbers = mutation_weights;
     numbers.insert(numbers.end(),
                    {work, pixels.samples_per_pixel(), split.c_squared, split.continuation,
@@ -283,22 +279,17 @@ void add_direct_light(const Scene& scene, const MetropolisPlan& plan,
                       const PixelSubset::Place& place, PathTracerScratch& scratch,
                       UnitStatistics& statistics, double sum[4]) {
     const PixelFilter& filter = plan.direct.filter;
-    const uint64_t key = hash_key(unit_key(plan.direct, 2, 0), place.pixel);
-    for (int i = 0; i < plan.direct_samples; ++i) {
-        Sampler sampler(key, place.pass * uint32_t(plan.direct_samples) + uint32_t(i),
-                        direct_stratified_pairs);
-        const Vec2f jitter = sampler.next_2d();
-        Vec2f raster =
-            (Vec2f{float(place.x), float(place.y)} + jitter) * float(plan.direct.reduction);
-        if (filter.kind != PixelFilter::Kind::box)
-            raster = raster + filter.offset(sampler.next_2d());
-        float alpha;
-        const Spectrum value =
-            trace_path(scene, plan.direct, sampler, raster, scratch, statistics, alpha);
-        for (int c = 0; c < 3; ++c) sum[c] += value[c] / plan.direct_samples;
-        if (!plan.has_chains()) sum[3] += alpha / plan.direct_samples;
-    }
-    statistics.samples += uint64_t(plan.direct_samples);
+    Sampler sampler(hash_key(unit_key(plan.direct, 2, 0), place.pixel), place.pass,
+                    direct_stratified_pairs);
+    const Vec2f jitter = sampler.next_2d();
+    Vec2f raster = (Vec2f{float(place.x), float(place.y)} + jitter) * float(plan.direct.reduction);
+    if (filter.kind != PixelFilter::Kind::box) raster = raster + filter.offset(sampler.next_2d());
+    float alpha;
+    const Spectrum value =
+        trace_path(scene, plan.direct, sampler, raster, scratch, statistics, alpha);
+    for (int c = 0; c < 3; ++c) sum[c] += value[c];
+    if (!plan.has_chains()) sum[3] += alpha;
+    ++statistics.samples;
 }
 
 }  // namespace
@@ -338,10 +329,8 @@ void render_metropolis_unit(const Scene& scene, const MetropolisPlan& plan, int6
             ++counts.bootstrap_samples;
         }
         if (!place.in_image) return;
-        if (plan.direct_samples > 0) {
-            if (parts) parts->scale = 1.0 / plan.direct_samples;
+        if (plan.direct_separately)
             add_direct_light(scene, plan, place, scratch.path, statistics, sum);
-        }
         film.add_sample(place.x, place.y, sum, parts);
     });
 

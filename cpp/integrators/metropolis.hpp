@@ -41,10 +41,9 @@ struct MetropolisPlan {
     Settings paths;                  // of the chains and the bootstrap
     Settings direct;                 // of the path tracer's part
     RasterDomain domain;
-    int chains, steps;       // of a unit
-    int direct_samples = 0;  // path traced samples beside each of the bootstrap
-    double image_pixels;     // of the film
-    double work;             // of a unit, in mutations
+    int chains, steps;    // of a unit
+    double image_pixels;  // of the film
+    double work;          // of a unit, in mutations
     std::vector<double> mutation_weights;
     PixelSubset pixels;  // samples of the bootstrap
     Split split;
