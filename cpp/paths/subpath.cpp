@@ -17,7 +17,8 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
     const float start = max_component(weight);
     float not_lost = 1;  // undoes what took throughput but no light
     float survival = 1;
-    int rough = 0;  // non-Dirac scatterings
+    float left = start;  // what the walk had when it left the vertex before
+    int rough = 0;       // non-Dirac scatterings
     for (;;) {
         SubpathVertex& previous = path[path.count - 1];
         SubpathVertex& v = path[path.count];
@@ -72,7 +73,7 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
         }
         v.strategy_sum = (joins ? 1 : 0) + ratio * previous.strategy_sum;
 
-        const float before = max_component(weight), arrived = before * not_lost;
+        const float before = max_component(weight);
         weight *= sampling_weight(v, known, role, sample);
         not_lost *= refraction_scale(v, known, role, sample);
         // A guide's density is high where the light is, not where little of it goes on.
@@ -85,9 +86,10 @@ void walk(const Scene& scene, Sampler& sampler, Known role, Ray ray, double pdf,
             if (n > roulette_start) q = continuation_probability(w / start);
         } else if (sample.component == non_delta && ++rough > Continuation::certain) {
             q = static_cast<float>(path.continuation.probability);
-            path.continuation.arrived += arrived / start;
+            path.continuation.arrived += left / start;
             path.continuation.went_on += w / start;
         }
+        left = w / q;
         if (q < 1) {
             if (choice.y >= q) return;
             weight *= 1 / q;

@@ -16,7 +16,9 @@ from support.class_scenes import CLASS_SCENES
 from support.media_scenes import LIT_SCENES
 from support.mutations import MUTATIONS, build_scene, stationarity
 from support.rendering import build
+from support.shapes import perspective, sphere
 from usdmlt import _core
+from usdmlt import scene as s
 
 
 @pytest.mark.parametrize("name", CLASS_SCENES | LIT_SCENES)
@@ -30,6 +32,21 @@ def test_a_sample_s_weight_is_that_of_its_path(name: str) -> None:
     if name == "corridor":
         assert probe["continuation"] < 1
         assert np.bincount(probe["roulettes"])[1:4].min() > 10
+
+
+@pytest.mark.parametrize("scattering", [0.06, 0.6, 6.0])
+def test_walks_go_on_as_light_does(scattering: float) -> None:
+    """Nothing is lost in a medium of albedo 1, whatever the unit of length that its coefficients
+    are per; of albedo 0.6, the rest is. The fraction that goes on is that of 512 samples."""
+    size, shell = 0.6 / scattering, s.Material(s.UniformEmission((1.0, 1.0, 1.0)))
+    for albedo in (1.0, 0.6):
+        medium = s.Medium((albedo * scattering,) * 3, ((1 - albedo) * scattering,) * 3)
+        scene = s.Scene(
+            perspective((0, 0, 0), (1, 0, 0), 90), 9, 6, media=[medium], world_medium=0,
+            meshes=[sphere(size, rings=12, inward=True)], materials=[shell],
+        )  # fmt: skip
+        probe = _core.start_probe(build(scene), samples=1, depth=12, seed=1)
+        assert probe["continuation"] == pytest.approx(albedo, rel=0.05)
 
 
 @pytest.mark.parametrize("within_band", [True, False])
