@@ -59,10 +59,7 @@ void render_bidirectional_unit(const Scene& scene, const Settings& settings, con
             const uint64_t key = hash_key(settings.seed, pixel);
             Sampler camera_sampler(key, unit.pass, stratified_pairs);
             Sampler light_sampler(hash_key(key, 1), unit.pass, stratified_pairs);
-            const Vec2f jitter = camera_sampler.next_2d();
-            Vec2f raster = (Vec2f{float(x), float(y)} + jitter) * float(settings.reduction);
-            if (settings.filter.kind != PixelFilter::Kind::box)
-                raster = raster + settings.filter.offset(camera_sampler.next_2d());
+            const Vec2f raster = settings.sample_pixel(x, y, camera_sampler);
             sink.sum = {};
             if (layers) layers->sample.clear();
             sampler.sample(camera_sampler, light_sampler, raster);

@@ -191,15 +191,12 @@ bool Bootstrap::sample(uint32_t number, uint32_t pass, Sink& sink, UnitStatistic
     const uint32_t index = by_pixel_ ? pass : number;
     Sampler camera_sampler(key, index, stratified_pairs);
     Sampler light_sampler(hash_key(key, 1), index, stratified_pairs);
-    const Vec2f u = camera_sampler.next_2d();
     if (by_pixel_) {
         const PixelSubset::Place place = pixels_.place(number, pass);
-        sink.raster = (Vec2f{float(place.x), float(place.y)} + u) * float(settings_.reduction);
-        if (settings_.filter.kind != PixelFilter::Kind::box)
-            sink.raster = sink.raster + settings_.filter.offset(camera_sampler.next_2d());
+        sink.raster = settings_.sample_pixel(place.x, place.y, camera_sampler);
         if (!context_.domain.contains(sink.raster)) return false;
     } else {
-        sink.raster = context_.domain.sample(u);
+        sink.raster = context_.domain.sample(camera_sampler.next_2d());
     }
     StrategySampler(scene_, settings_, scratch_, statistics, sink)
         .sample(camera_sampler, light_sampler, sink.raster);

@@ -39,7 +39,8 @@ public:
     double draw(uint64_t key, uint32_t count, UnitStatistics& statistics);
 
     // The same by samples of pixels, one after the other: paths that end on the lens are recorded
-    // times `splat_scale`, those of the camera's walk are returned.
+    // times `splat_scale`, those of the camera's walk are returned. `starts`: how many will be
+    // chosen; entries far lighter than one of them are kept by chance.
     void begin_pixels(uint64_t key, int starts);
     CameraSample add_pixel(const PixelSubset::Place& place, const PathRecorder& recorder,
                            double splat_scale, UnitStatistics& statistics);

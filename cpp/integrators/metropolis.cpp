@@ -278,12 +278,9 @@ namespace {
 void add_direct_light(const Scene& scene, const MetropolisPlan& plan,
                       const PixelSubset::Place& place, PathTracerScratch& scratch,
                       UnitStatistics& statistics, double sum[4]) {
-    const PixelFilter& filter = plan.direct.filter;
     Sampler sampler(hash_key(unit_key(plan.direct, 2, 0), place.pixel), place.pass,
                     direct_stratified_pairs);
-    const Vec2f jitter = sampler.next_2d();
-    Vec2f raster = (Vec2f{float(place.x), float(place.y)} + jitter) * float(plan.direct.reduction);
-    if (filter.kind != PixelFilter::Kind::box) raster = raster + filter.offset(sampler.next_2d());
+    const Vec2f raster = plan.direct.sample_pixel(place.x, place.y, sampler);
     float alpha;
     const Spectrum value =
         trace_path(scene, plan.direct, sampler, raster, scratch, statistics, alpha);

@@ -240,10 +240,7 @@ void render_path_unit(const Scene& scene, const Settings& settings, const Tiles&
         for (int x = unit.x0; x < unit.x1; ++x) {
             const uint64_t pixel = uint64_t(y) * uint64_t(tiles.width) + uint64_t(x);
             Sampler sampler(hash_key(settings.seed, pixel), unit.pass, stratified_pairs);
-            const Vec2f jitter = sampler.next_2d();
-            Vec2f raster = (Vec2f{float(x), float(y)} + jitter) * float(settings.reduction);
-            if (settings.filter.kind != PixelFilter::Kind::box)
-                raster = raster + settings.filter.offset(sampler.next_2d());
+            const Vec2f raster = settings.sample_pixel(x, y, sampler);
             float alpha;
             if (scratch.layers) scratch.layers->sample.clear();
             const Spectrum value =

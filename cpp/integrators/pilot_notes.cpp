@@ -10,7 +10,7 @@ namespace {
 constexpr double correlation = 10;
 constexpr double as_good = 1.02;  // errors that differ by less are the same
 constexpr double least_share_of_samples = 0.5, least_share_of_chains = 0.05;
-// Where chains win less than this, what they have clumps for nothing.
+// Of the error of samples alone: where chains leave more than that, they clump for nothing.
 constexpr double worthwhile = 2.0 / 3;
 
 }  // namespace
@@ -109,9 +109,9 @@ PilotNotes::Plan PilotNotes::plan_split(double b, const CoarsePicture& finished,
         plans.push_back(plan);
         least = std::min(least, plan.relative_error);
     }
+    if (least > worthwhile) return plans.front();
     // Of what is as good, the one that leaves most to bidirectional samples: their light has no
     // clumps, and their mean is sharper.
-    if (least > worthwhile) return plans.front();
     for (const Plan& plan : plans)
         if (plan.relative_error <= as_good * least) return plan;
     return nothing_known;

@@ -34,6 +34,15 @@ struct Settings {
     bool selective = true;                 // light that bidirectional samples find is left to them
     bool two_stage = true;                 // the target is divided by a coarse picture
     std::vector<double> mutation_weights;  // by mutation; empty: the pilot decides
+
+    // A raster point of a pixel of the film, ∝ the filter.
+    template <typename Sampler>
+    Vec2f sample_pixel(int x, int y, Sampler& sampler) const {
+        Vec2f raster = (Vec2f{float(x), float(y)} + sampler.next_2d()) * float(reduction);
+        if (filter.kind != PixelFilter::Kind::box)
+            raster = raster + filter.offset(sampler.next_2d());
+        return raster;
+    }
 };
 
 }  // namespace usdmlt

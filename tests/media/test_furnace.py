@@ -95,7 +95,7 @@ def two_edges(scene: s.Scene, count: int = 12) -> np.ndarray:
     return out
 
 
-QUICK = {"path": 96, "bdpt": 96, "mlt": 32}
+QUICK = {"path": 96, "bdpt": 96, "mlt": 24}
 
 
 @pytest.mark.parametrize("integrator", ALL)
