@@ -95,7 +95,7 @@ def two_edges(scene: s.Scene, count: int = 12) -> np.ndarray:
     return out
 
 
-QUICK = {"path": 96, "bdpt": 96, "mlt": 24}
+QUICK = 96  # samples
 
 
 @pytest.mark.parametrize("integrator", ALL)
@@ -103,7 +103,7 @@ QUICK = {"path": 96, "bdpt": 96, "mlt": 24}
 def test_all_lengths_together_are_one(name: str, integrator: str) -> None:
     """Up to 24 edges: what scatters more often is less than 1e-3."""
     scene = furnace(MEDIA[name])
-    got = pictures(scene, integrator, 16, depth=24, **work(integrator, QUICK[integrator]))
+    got = pictures(scene, integrator, 16, depth=24, **work(integrator, QUICK))
     agreement(got, np.ones(got.shape[1:])).require(resolution=0.005)
 
 
@@ -111,7 +111,7 @@ def test_all_lengths_together_are_one(name: str, integrator: str) -> None:
 @pytest.mark.parametrize("name", ["chromatic"])
 def test_one_edge_is_what_comes_through(name: str, integrator: str) -> None:
     scene = furnace(MEDIA[name])
-    got = pictures(scene, integrator, 16, depth=1, **work(integrator, QUICK[integrator]))
+    got = pictures(scene, integrator, 16, depth=1, **work(integrator, QUICK))
     agreement(got, one_edge(scene)).require(resolution=0.01)
 
 
@@ -119,7 +119,7 @@ def test_one_edge_is_what_comes_through(name: str, integrator: str) -> None:
 @pytest.mark.parametrize("name", ["forwards", "chromatic"])
 def test_two_edges_are_the_integral(name: str, integrator: str) -> None:
     scene = furnace(MEDIA[name])
-    settings = {"min_edges": 2, "depth": 2, **work(integrator, QUICK[integrator])}
+    settings = {"min_edges": 2, "depth": 2, **work(integrator, QUICK)}
     got = pictures(scene, integrator, 16, **settings)
     agreement(got, two_edges(scene)).require(resolution=0.01)
 
@@ -129,7 +129,7 @@ def test_two_edges_are_the_integral(name: str, integrator: str) -> None:
 @pytest.mark.parametrize("name", MEDIA)
 def test_lengths_by_many_samples(name: str, integrator: str) -> None:
     scene = furnace(MEDIA[name])
-    settings = work(integrator, 16 * QUICK[integrator])
+    settings = work(integrator, 16 * QUICK)
     for low, high, expected in (
         (1, 24, np.ones((scene.height, scene.width, 3))),
         (1, 1, one_edge(scene)),
