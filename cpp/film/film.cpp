@@ -2,8 +2,6 @@
 
 #include <bit>
 
-#include "base/rng.hpp"
-
 namespace usdmlt {
 namespace {
 
@@ -62,18 +60,11 @@ void Film::add_parts(size_t pixel, const double all[3], double scale, const Laye
     add_to_layers(largest->mask, rest);
 }
 
-// Small squares are rounded up or down by a hash: as units have different numbers, what is lost is
-// right on average.
 void Film::add_splats(UnitSplats& unit) {
     unit.take([&](int x, int y, const UnitSplats::Sum& sum) {
         const size_t i = index(x, y);
         for (size_t c = 0; c < 3; ++c) add(splats_[i * 3 + c], sum[c]);
-        if (!has_error()) return;
-        const double value = luminance_of(sum.data());
-        const uint64_t hash = hash_key(i, std::bit_cast<uint64_t>(value));
-        const double dither = double(hash >> 11) * 0x1p-53;
-        const double square = value * value * square_unit;
-        add(splat_squares_[i], std::min(std::floor(square + dither), 0x1p60));
+        if (has_error()) add(splat_squares_[i], rounded_square(i, luminance_of(sum.data())));
     });
 }
 
@@ -137,18 +128,13 @@ void Film::develop_error(float* error, double splats_per_pixel, int64_t units,
     for (size_t i = 0; i < pixels; ++i) {
         double variance = 0;
         const int64_t* s = &samples_[i * 5];
-        if (const auto n = double(s[4]); n > 1 && has_error()) {
-            const double mean = luminance_of(s) / sample_weight_ / n;
-            const double square = double(squares_[i]) / square_unit / n;
-            variance += std::max(square - mean * mean, 0.0) / (n - 1);
-        }
-        if (!splat_squares_.empty() && units > 1 && splats_per_pixel > 0) {
-            // Of the sum of n independent numbers: n/(n − 1) (Σ x² − (Σ x)²/n).
-            const double n = double(units), sum = luminance_of(&splats_[i * 3]);
-            const double square = double(splat_squares_[i]) / square_unit;
-            variance += std::max(square - sum * sum / n, 0.0) * n / (n - 1) /
-                        (splats_per_pixel * splats_per_pixel);
-        }
+        // Of the sum of n independent numbers: n/(n − 1) (Σ x² − (Σ x)²/n).
+        if (const auto n = double(s[4]); n > 1 && has_error())
+            variance += squared_deviations(squares_[i], luminance_of(s) / sample_weight_, n) /
+                        (n * (n - 1));
+        if (const auto n = double(units); n > 1 && !splat_squares_.empty() && splats_per_pixel > 0)
+            variance += squared_deviations(splat_squares_[i], luminance_of(&splats_[i * 3]), n) *
+                        n / (n - 1) / (splats_per_pixel * splats_per_pixel);
         error[i] = static_cast<float>(std::sqrt(variance) / scale_ * exposure);
     }
 }

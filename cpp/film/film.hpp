@@ -14,12 +14,14 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "base/rng.hpp"
 #include "base/spectrum.hpp"
 #include "film/layer_sums.hpp"
 #include "film/unit_splats.hpp"
@@ -52,7 +54,7 @@ public:
         std::atomic_ref<int64_t>(p[4]).fetch_add(1, std::memory_order_relaxed);
         if (has_error()) {
             const double v = luminance(value[0], value[1], value[2]);
-            add(squares_[i], std::min(v * scale_ * (v * scale_) * square_unit, 0x1p60));
+            add(squares_[i], rounded_square(i, v * scale_));
         }
     }
     // Of a unit, to be added at its end.
@@ -136,6 +138,20 @@ private:
     }
 
     static constexpr double limit = 0x1p62;
+
+    // Of a value in fixed point, in units of squares. It is rounded up or down by a hash: as values
+    // differ, what small squares lose is right on average.
+    static double rounded_square(size_t pixel, double value) {
+        const uint64_t hash = hash_key(pixel, std::bit_cast<uint64_t>(value));
+        const double dither = double(hash >> 11) * 0x1p-53;
+        return std::min(std::floor(value * value * square_unit + dither), 0x1p60);
+    }
+    // Σ x² − (Σ x)²/n of n values, the squares from there. Where there is light it is one unit at
+    // least: the squares may all have been rounded to none.
+    static double squared_deviations(int64_t squares, double sum, double n) {
+        if (sum == 0) return 0;
+        return std::max(double(squares) / square_unit - sum * sum / n, 1 / square_unit);
+    }
 
     // Alpha has no unit of light: its fixed point is the same in dark scenes and in bright ones.
     static constexpr double alpha_unit = 0x1p26;

@@ -76,6 +76,22 @@ def test_what_does_not_vary_has_no_error(integrator: str) -> None:
 
 
 @pytest.mark.parametrize("integrator", ["path", "bdpt", "mlt"])
+def test_faint_light_has_an_error(integrator: str) -> None:
+    """Its squares are below what fixed point tells apart: none of its pixels may claim to be exact.
+    Two walls, of which one glows ten thousand times less than the other."""
+    walls = [quad((x, -4, 0), (5, 0, 0), (0, 8, 0), i) for i, x in enumerate((-5.01, 0.01))]
+    glow = [s.Material(s.UniformEmission((v, v, v))) for v in (3.0, 3e-4)]
+    scene = s.Scene(perspective((0, 0, 3), (0, 0, 0), 40), 24, 16, meshes=walls, materials=glow)
+    render = plan(scene, integrator, samples=64, direct="mlt", selective=False)
+    render.run(render.units_total)
+    luminance, error = render.image()[..., :3] @ LUMINANCE, render.error()
+    faint = luminance[:, 14:]
+    assert (faint > 0).sum() > 20
+    assert (error[:, 14:][faint > 0] > 0).all()
+    assert np.median(error[:, 14:]) < 1e-3 * luminance.mean()
+
+
+@pytest.mark.parametrize("integrator", ["path", "bdpt", "mlt"])
 def test_without_it_the_picture_is_the_same(integrator: str) -> None:
     built = build(scenes.build("caustics"))
     one, two = (plan(built, integrator, samples=MANY, error_layer=kept) for kept in (True, False))
