@@ -33,7 +33,7 @@ inline constexpr uint32_t environment_light = 0xfffffffeu;
 // What lights are chosen and sampled by. Positive wherever the radiance is not zero, also outside
 // the gamut.
 inline double importance(const Spectrum& s) {
-    const auto magnitude = [&](int c) { return double(std::fabs(s.c[c])); };
+    const auto magnitude = [&](int c) { return double(std::fabs(s[c])); };
     return luminance(magnitude(0), magnitude(1), magnitude(2));
 }
 
