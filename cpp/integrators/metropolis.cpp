@@ -196,16 +196,23 @@ MetropolisPlan::MetropolisPlan(const Scene& scene, const Settings& settings)
         others = notes.errors(b, picture);
         if (settings.two_stage) importance = ImportanceMap(picture);
 
-        if (sample_rays > 0 && mutation_rays > 0)
-            sample_cost = cost_of_sample_rays * (double(sample_rays) / pilot_samples) /
-                          (double(mutation_rays) / pilot_mutations);
+        double direct_cost = 0;
+        if (sample_rays > 0 && mutation_rays > 0) {
+            const double cost_of_ray =
+                cost_of_sample_rays * pilot_mutations / double(mutation_rays);
+            sample_cost = cost_of_ray * double(sample_rays) / pilot_samples;
+            if (direct_separately)
+                direct_cost = cost_of_ray * double(direct_light.rays) / direct_pilot_samples;
+        }
         share = bootstrap_share;
         if (settings.selective) {
-            const PilotNotes::Plan plan = notes.plan_split(b, picture, importance, sample_cost);
+            const PilotNotes::Plan plan =
+                notes.plan_split(b, picture, importance, sample_cost, direct_cost);
             split = plan.split;
             relative_error = plan.relative_error;
             share = plan.share;
         }
+        sample_cost += direct_cost;
     }
     pixels.set_samples(work * share / sample_cost);
     const double samples = pixels.samples_per_pixel() * image_pixels;

@@ -74,7 +74,8 @@ PilotNotes::Errors PilotNotes::errors(double b, const CoarsePicture& finished) c
 }
 
 PilotNotes::Plan PilotNotes::plan_split(double b, const CoarsePicture& finished,
-                                        const ImportanceMap& importance, double sample_cost) const {
+                                        const ImportanceMap& importance, double sample_cost,
+                                        double direct_cost) const {
     const std::vector<double>& sums = finished.sums();
     const double mean = finished.mean();
     double total = 0;
@@ -100,7 +101,7 @@ PilotNotes::Plan PilotNotes::plan_split(double b, const CoarsePicture& finished,
             target += note.weight / total * g * w;
         }
         // f*/p is radiance; R is relative to the mean.
-        const double root_camera = std::sqrt(camera * b * sample_cost) / mean;
+        const double root_camera = std::sqrt(camera * b * (sample_cost + direct_cost)) / mean;
         const double root_chains = std::sqrt(correlation * chains * target) * b / mean;
         plan.share = std::clamp(root_camera / (root_camera + root_chains), least_share_of_samples,
                                 1 - least_share_of_chains);

@@ -40,14 +40,15 @@ public:
     // sample in mutations and W = 1 / (R² + ε), samples of each kind have errors
     //     E_B = C ∫ W ((1 − g) f)² / p,      E_M = τ ∫ F ∫ W g f*/w,
     // and shares α, 1 − α of the work give E_B/α + E_M/(1 − α), least for α ∝ √E_B. Within bounds:
-    // the mean of the picture, and that of its larger parts, hangs on the samples.
+    // the mean of the picture, and that of its larger parts, hangs on the samples. C has the direct
+    // light that is path traced beside a sample, which bidirectional samples alone do not need.
     struct Plan {
         Split split;
         double share;
         double relative_error;  // of the whole, to that of bidirectional samples alone
     };
     Plan plan_split(double b, const CoarsePicture& finished, const ImportanceMap& importance,
-                    double sample_cost) const;
+                    double sample_cost, double direct_cost) const;
 
 private:
     struct Note {

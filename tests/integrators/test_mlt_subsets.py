@@ -104,8 +104,10 @@ ALONE = {
 @pytest.mark.parametrize("mutation", MUTATIONS)
 def test_each_mutation_alone(mutation: str) -> None:
     name = ALONE[mutation]
+    # Lens subpaths seldom move a chain that has nothing else: lumps of single pixels.
+    questions = ("blocks", "mean") if mutation == "lens_subpath" else ("pixels", "blocks", "mean")
     agreement(chains(name, {mutation}), reference(name), lumpy=True).require(
-        resolution=0.02, block_resolution=0.08
+        resolution=0.02, block_resolution=0.08, questions=questions
     )
 
 
