@@ -35,6 +35,8 @@ Integrator = Literal["path", "bdpt", "mlt"]
 
 PIXELS = 2304  # of a pilot, about
 SHARE = 0.05  # of the render's work, at most
+# Of the work, what may be spent on mlt's own pilot, which is about as large as these.
+CHAINS_SHARE = 0.25
 # Rays of all pilots together, about, and of a sample of the path tracer: to tell beforehand whether
 # they fit.
 PILOT_RAYS = 650_000
@@ -66,7 +68,9 @@ class Choice:
 def choose(core_scene: _core.Scene, settings: Settings) -> Choice:
     """The integrator that ``settings`` ask for; of ``"auto"``, the one that suits the scene best.
 
-    Pilots take at most about :data:`SHARE` of the render's work; where they do not fit, none run.
+    Pilots take at most about :data:`SHARE` of the render's work; where they do not fit, none run,
+    and mlt is taken, unless its own pilot does not fit either: on easy scenes it is worse by half,
+    on hard ones the others are worse by orders of magnitude.
     """
     if settings.integrator != "auto":
         return Choice(settings.integrator, "it was asked for", {}, 0)
@@ -79,7 +83,12 @@ def choose(core_scene: _core.Scene, settings: Settings) -> Choice:
     if settings.depth < 3:
         return Choice("path", "only direct light is asked for", {}, 0)
     if SHARE * budget < PILOT_RAYS:
-        return Choice("bdpt", "the render is too short to try others", {}, 0)
+        return Choice(
+            "mlt" if CHAINS_SHARE * budget >= PILOT_RAYS else "bdpt",
+            "the render is too short to try others",
+            {},
+            0,
+        )
 
     narrowest = min(core_scene.width, core_scene.height)
     reduction = max(min(int(np.sqrt(pixels / PIXELS)), narrowest), 1)
