@@ -89,7 +89,8 @@ def test_flags_change_what_is_made_again(here: Path) -> None:
 
 
 def test_a_changed_picture_that_a_time_limit_had_ended_gets_as_many_samples(here: Path) -> None:
-    main(["render", str(SCENE), "a.exr", "-w", "24", "--time", "0.3", "--depth", "4"])
+    by = ["--integrator", "path", "--depth", "4"]
+    main(["render", str(SCENE), "a.exr", "-w", "24", "--time", "0.3", *by])
     taken = read_image("a.exr").metadata["samples"]
     assert main(["render", "--from", "a.exr", "b.exr", "--res", "48", "20"]) == 0
     b = read_image("b.exr")
