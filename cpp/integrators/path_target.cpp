@@ -41,11 +41,17 @@ bool PathTarget::evaluate(State& state, int first, int last) {
 }
 
 uint32_t PathTarget::applicable(const State& x) {
-    const uint64_t key = class_of(x.path) << 1 | uint64_t(x.path[0].light.delta);
     if (x.path.edges() > longest_class) return applicable_mutations(context_, x.path) & enabled_;
+    // Near-specular vertices are what is not in a path's class.
+    const bool near = has_near_specular(x.path);
+    const uint64_t key =
+        class_of(x.path) << 2 | uint64_t(x.path[0].light.delta) << 1 | uint64_t(near);
     Applicable& known = applicable_[mix64(key) % applicable_.size()];
-    if (known.key != key) known = {key, applicable_mutations(context_, x.path, true)};
-    return (known.mask | applicable_mutations(context_, x.path, false)) & enabled_;
+    if (known.key != key)
+        known = {key, near ? applicable_mutations<true>(context_, x.path)
+                           : applicable_mutations(context_, x.path)};
+    const uint32_t others = near ? applicable_mutations<false>(context_, x.path) : 0;
+    return (known.mask | others) & enabled_;
 }
 
 // The factors that the change touches, the visibility of the joined edge, and f*.

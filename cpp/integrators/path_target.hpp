@@ -103,7 +103,7 @@ private:
     const Spread& spread_;
     bool background_;
     uint32_t enabled_ = ~0u;
-    // What applies by a path's class and light alone.
+    // What applies by a path's class, its light, and whether it has near-specular vertices.
     struct Applicable {
         uint64_t key = 0;
         uint32_t mask = 0;

@@ -134,7 +134,10 @@ struct Closure {
         is_phase = other.is_phase;
         phase = other.phase;
         guide = other.guide;
-        std::copy_n(other.lobes, lobe_count, lobes);
+        if (lobe_count == 1)
+            lobes[0] = other.lobes[0];
+        else
+            std::copy_n(other.lobes, lobe_count, lobes);
         std::copy_n(other.covers, cover_count, covers);
         return *this;
     }

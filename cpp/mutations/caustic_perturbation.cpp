@@ -6,13 +6,30 @@ namespace {
 constexpr double direction_probability = 0.5;  // of a light at infinity
 constexpr double largest_angle = 1.5;          // radians
 
-template <bool glossy>
-bool is_start(const Path& x, int m, Walk& walk) {
-    // There is no distance from infinity to a point of a medium.
-    if (x[m].infinite && x[m + 1].is_medium()) return false;
-    if (m > 0 && (x.is_delta(m) || (glossy && is_near_specular(x, m)))) return false;
-    walk = find_walk(x, Known::light, m, glossy);
-    return walk.found() && walk.chains == 0 && (walk.half_vectors > 0) == glossy;
+// f(walk) for every walk from one rough vertex (or the light) to the next, if that can be joined to
+// what follows.
+template <bool glossy, typename F>
+void for_each_walk(const Path& x, const F& f) {
+    const int k = x.edges();
+    Walk walk;
+    walk.role = Known::light;
+    walk.glossy = glossy;
+    bool passed = k > 1 && is_passed(x, walk, 1);
+    for (int i = 1; i < k; ++i) {
+        const bool next_passed = i + 1 < k && is_passed(x, walk, i + 1);
+        if (passed) {
+            walk.half_vectors += !x.is_delta(i);
+        } else {
+            walk.end = i;
+            // There is no distance from infinity to a point of a medium.
+            if (!next_passed && (walk.half_vectors > 0) == glossy &&
+                !(x[walk.start].infinite && x[walk.start + 1].is_medium()))
+                f(walk);
+            walk.start = i;
+            walk.half_vectors = 0;
+        }
+        passed = next_passed;
+    }
 }
 
 double length_of_edges(const Path& x, int first, int last) {
@@ -77,18 +94,13 @@ bool start_at_infinity(MutationContext& context, const Path& x, const Walk& walk
 
 template <bool glossy>
 bool CausticWalk<glossy>::applies(const MutationContext&, const Path& x) {
-    if (glossy && !has_near_specular(x)) return false;
-    Walk walk;
-    for (int m = 0; m < x.edges(); ++m)
-        if (is_start<glossy>(x, m, walk)) return true;
-    return false;
+    return count_starts(x) > 0;
 }
 
 template <bool glossy>
 int CausticWalk<glossy>::count_starts(const Path& x) {
     int count = 0;
-    Walk walk;
-    for (int m = 0; m < x.edges(); ++m) count += is_start<glossy>(x, m, walk);
+    for_each_walk<glossy>(x, [&](const Walk&) { ++count; });
     return count;
 }
 
@@ -99,8 +111,10 @@ bool CausticWalk<glossy>::propose(MutationContext& context, const Path& x, Path&
     const int count = count_starts(x);
     int choice = std::min(static_cast<int>(random.next_double() * count), count - 1);
     Walk walk;
-    int m = 0;
-    while (!is_start<glossy>(x, m, walk) || choice-- > 0) ++m;
+    for_each_walk<glossy>(x, [&](const Walk& w) {
+        if (choice-- == 0) walk = w;
+    });
+    const int m = walk.start;
 
     const bool infinite = x[m].infinite;
     const bool moves_light =
@@ -129,11 +143,16 @@ template <bool glossy>
 ScaledDouble CausticWalk<glossy>::density(MutationContext& context, const Path& x, const Path& y,
                                           const Change& change, const Path& range_of) {
     const bool moves_light = change.l == -1;
+    const int start = moves_light ? 0 : change.l;
     Walk walk;
+    int count = 0;
+    for_each_walk<glossy>(x, [&](const Walk& w) {
+        ++count;
+        if (w.start == start) walk = w;
+    });
     // Near-specular vertices may have become others.
-    if (!is_start<glossy>(x, moves_light ? 0 : change.l, walk) || walk.end + 1 != change.m)
-        return 0;
-    double pdf = 1.0 / count_starts(x);
+    if (!walk.found() || walk.end + 1 != change.m) return 0;
+    double pdf = 1.0 / count;
     if (x[walk.start].infinite) {
         if (!x[0].light.delta)
             pdf *= moves_light ? direction_probability : 1 - direction_probability;

@@ -44,17 +44,20 @@ inline std::string_view mutation_name(int index) {
 
 // Bit i: mutation i applies to x; of those of which the path's class and light decide it, or of the
 // others.
-inline uint32_t applicable_mutations(const MutationContext& context, const Path& x, bool by_class) {
-    uint32_t mask = 0;
-    for (int i = 0; i < mutation_count; ++i)
-        mask |=
-            uint32_t(visit_mutation(
-                i, [&]<typename M>() { return M::by_class == by_class && M::applies(context, x); }))
-            << i;
-    return mask;
+template <bool by_class>
+uint32_t applicable_mutations(const MutationContext& context, const Path& x) {
+    return [&]<size_t... I>(std::index_sequence<I...>) {
+        uint32_t mask = 0;
+        const auto add = [&]<typename M>(int index) {
+            if constexpr (M::by_class == by_class)
+                mask |= uint32_t(M::applies(context, x)) << index;
+        };
+        (add.template operator()<std::tuple_element_t<I, Mutations>>(int(I)), ...);
+        return mask;
+    }(std::make_index_sequence<mutation_count>{});
 }
 inline uint32_t applicable_mutations(const MutationContext& context, const Path& x) {
-    return applicable_mutations(context, x, true) | applicable_mutations(context, x, false);
+    return applicable_mutations<true>(context, x) | applicable_mutations<false>(context, x);
 }
 
 }  // namespace usdmlt
