@@ -7,21 +7,26 @@ namespace usdmlt {
 namespace {
 
 void shape_bounds(const embree::BoundsFunctionArguments* args) {
-    const auto& shapes = *static_cast<const ShapeCallbacks*>(args->geometry_user_pointer);
+    const auto& called = *static_cast<const CalledShapes*>(args->geometry_user_pointer);
     Vec3f lower, upper;
-    shapes.bounds(shapes.user, args->prim_id, lower, upper);
+    called.shapes.bounds(called.shapes.user, called.index[args->prim_id], lower, upper);
     *args->bounds = {lower.x, lower.y, lower.z, 0, upper.x, upper.y, upper.z, 0};
+}
+
+bool intersects(const CalledShapes& called, unsigned i, const embree::Ray& ray, float& t,
+                Vec2f& uv) {
+    return called.shapes.intersect(
+        called.shapes.user, called.index[i], {ray.org_x, ray.org_y, ray.org_z},
+        {ray.dir_x, ray.dir_y, ray.dir_z}, ray.time, ray.tnear, ray.tfar, t, uv);
 }
 
 void shape_intersect(const embree::IntersectFunctionArguments* args) {
     if (args->valid[0] != -1) return;
-    const auto& shapes = *static_cast<const ShapeCallbacks*>(args->geometry_user_pointer);
+    const auto& called = *static_cast<const CalledShapes*>(args->geometry_user_pointer);
     embree::Ray& ray = args->ray_hit->ray;
     float t;
     Vec2f uv;
-    if (!shapes.intersect(shapes.user, args->prim_id, {ray.org_x, ray.org_y, ray.org_z},
-                          {ray.dir_x, ray.dir_y, ray.dir_z}, ray.time, ray.tnear, ray.tfar, t, uv))
-        return;
+    if (!intersects(called, args->prim_id, ray, t, uv)) return;
     ray.tfar = t;
     embree::Hit& hit = args->ray_hit->hit;
     hit.u = uv.x;
@@ -34,16 +39,49 @@ void shape_intersect(const embree::IntersectFunctionArguments* args) {
 
 void shape_occluded(const embree::OccludedFunctionArguments* args) {
     if (args->valid[0] != -1) return;
-    const auto& shapes = *static_cast<const ShapeCallbacks*>(args->geometry_user_pointer);
+    const auto& called = *static_cast<const CalledShapes*>(args->geometry_user_pointer);
     embree::Ray& ray = *args->ray;
     float t;
     Vec2f uv;
-    if (shapes.intersect(shapes.user, args->prim_id, {ray.org_x, ray.org_y, ray.org_z},
-                         {ray.dir_x, ray.dir_y, ray.dir_z}, ray.time, ray.tnear, ray.tfar, t, uv))
+    if (intersects(called, args->prim_id, ray, t, uv))
         ray.tfar = -std::numeric_limits<float>::infinity();
 }
 
+// Passes what is beside the ellipse.
+void ellipse_filter(const embree::FilterFunctionArguments* args) {
+    if (args->valid[0] != -1) return;
+    const embree::Hit& hit = *args->hit;
+    const Vec2f p = FlatShapes::parameters(hit.prim_id, hit.u, hit.v);
+    if (!(sqr(2 * p.x - 1) + sqr(2 * p.y - 1) <= 1)) args->valid[0] = 0;
+}
+
 }  // namespace
+
+void FlatShapes::add(uint32_t shape, const Parallelogram& p) {
+    for (const Vec3f corner :
+         {p.corner, p.corner + p.edge_u, p.corner + p.edge_v, p.corner + p.edge_u + p.edge_v})
+        mesh.positions.push_back(corner);
+    index.push_back(shape);
+}
+
+void Acceleration::attach_flat(FlatShapes& shapes, embree::FilterFunction filter) {
+    if (shapes.index.empty()) return;
+    shapes.mesh.positions.reserve(shapes.mesh.positions.size() + 1);  // Embree reads 16 bytes
+    std::vector<Triangle> triangles;
+    for (uint32_t v = 0; v < shapes.mesh.positions.size(); v += 4) {
+        triangles.push_back({v, v + 1, v + 2});
+        triangles.push_back({v + 3, v + 2, v + 1});
+    }
+    shapes.mesh.triangles = std::move(triangles);
+    const embree::Geometry geometry = new_triangles(shapes.mesh);
+    if (filter) {
+        library_->rtcSetGeometryIntersectFilterFunction(geometry, filter);
+        library_->rtcSetGeometryOccludedFilterFunction(geometry, filter);
+        library_->rtcCommitGeometry(geometry);
+    }
+    shapes.geometry = attach(scene_.get(), geometry);
+    ++first_instance_;
+}
 
 embree::Geometry Acceleration::new_triangles(const Mesh& mesh) const {
     const embree::Geometry geometry =
@@ -83,12 +121,6 @@ Acceleration::Acceleration(std::shared_ptr<const embree::Library> library, const
         e.rtcSetSceneFlags(scene, embree::scene_flag_robust);
         return embree::ScenePointer(scene, {library_.get()});
     };
-    const auto attach = [&](embree::Scene scene, embree::Geometry geometry) {
-        const unsigned id = e.rtcAttachGeometry(scene, geometry);
-        e.rtcReleaseGeometry(geometry);
-        return id;
-    };
-
     for (const MeshRange& range : prototypes) {
         embree::ScenePointer prototype = new_scene();
         for (uint32_t i = 0; i < range.count; ++i)
@@ -100,11 +132,20 @@ Acceleration::Acceleration(std::shared_ptr<const embree::Library> library, const
     scene_ = new_scene();
     for (uint32_t i = 0; i < world_meshes; ++i) attach(scene_.get(), new_triangles(meshes[i]));
     first_instance_ = world_meshes;
-    if (shapes.count > 0) {
-        shapes_ = std::make_unique<ShapeCallbacks>(shapes);
+    called_ = std::make_unique<CalledShapes>(CalledShapes{shapes, {}});
+    for (uint32_t i = 0; i < shapes.count; ++i) {
+        Parallelogram flat;
+        if (!shapes.flat(shapes.user, i, flat))
+            called_->index.push_back(i);
+        else
+            (flat.ellipse ? ellipses_ : parallelograms_).add(i, flat);
+    }
+    attach_flat(parallelograms_, nullptr);
+    attach_flat(ellipses_, ellipse_filter);
+    if (!called_->index.empty()) {
         const embree::Geometry geometry = e.rtcNewGeometry(device_.get(), embree::user_geometry);
-        e.rtcSetGeometryUserPrimitiveCount(geometry, shapes.count);
-        e.rtcSetGeometryUserData(geometry, shapes_.get());
+        e.rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(called_->index.size()));
+        e.rtcSetGeometryUserData(geometry, called_.get());
         e.rtcSetGeometryBoundsFunction(geometry, shape_bounds, nullptr);
         e.rtcSetGeometryIntersectFunction(geometry, shape_intersect);
         e.rtcSetGeometryOccludedFunction(geometry, shape_occluded);

@@ -11,6 +11,7 @@
 #include "base/frame.hpp"
 #include "geometry/embree_library.hpp"
 #include "geometry/mesh.hpp"
+#include "geometry/parallelogram.hpp"
 
 namespace usdmlt {
 
@@ -48,14 +49,35 @@ struct Instance {
     }
 };
 
-// Analytic shapes, intersected by callbacks: light shapes, whose sampled points and hit points
-// have to be the same surface.
+// Analytic shapes: light shapes, whose sampled points and hit points have to be the same surface.
+// Flat ones that stay in their place are triangles among the others; the rest, for which Embree
+// walks a tree of its own with every ray, are intersected by callbacks.
 struct ShapeCallbacks {
     const void* user = nullptr;
     uint32_t count = 0;
+    bool (*flat)(const void* user, uint32_t shape, Parallelogram& out) = nullptr;  // is it?
     void (*bounds)(const void* user, uint32_t shape, Vec3f& lower, Vec3f& upper) = nullptr;
     bool (*intersect)(const void* user, uint32_t shape, Vec3f origin, Vec3f direction, float time,
                       float tnear, float tfar, float& t, Vec2f& uv) = nullptr;
+};
+
+// Those that are left to callbacks, by the number that Embree gives them.
+struct CalledShapes {
+    ShapeCallbacks shapes;
+    std::vector<uint32_t> index;
+};
+
+// Those that are two triangles each.
+struct FlatShapes {
+    Mesh mesh;
+    std::vector<uint32_t> index;
+    uint32_t geometry = invalid_index;
+
+    void add(uint32_t shape, const Parallelogram& p);
+    // Of the parallelogram, from those of one of its triangles.
+    static Vec2f parameters(uint32_t triangle, float u, float v) {
+        return triangle % 2 == 0 ? Vec2f{u, v} : Vec2f{1 - u, 1 - v};
+    }
 };
 
 class Acceleration {
@@ -80,8 +102,9 @@ public:
         hit.primitive = query.hit.prim_id;
         hit.time = ray.time;
         if (query.hit.inst_id == embree::invalid_id) {
-            hit.mesh = query.hit.geom_id < world_meshes_ ? query.hit.geom_id : invalid_index;
+            hit.mesh = query.hit.geom_id;
             hit.instance = invalid_index;
+            if (query.hit.geom_id >= world_meshes_) set_shape(query.hit.geom_id, hit);
         } else {
             hit.instance = query.hit.inst_id - first_instance_;
             hit.mesh = instance_first_mesh_[hit.instance] + query.hit.geom_id;
@@ -143,12 +166,32 @@ private:
                 0};
     }
     embree::Geometry new_triangles(const Mesh& mesh) const;
+    void attach_flat(FlatShapes& shapes, embree::FilterFunction filter);
+    unsigned attach(embree::Scene scene, embree::Geometry geometry) const {
+        const unsigned id = library_->rtcAttachGeometry(scene, geometry);
+        library_->rtcReleaseGeometry(geometry);
+        return id;
+    }
+    // Mesh, primitive and parameters of a hit of a shape.
+    void set_shape(uint32_t geometry, Hit& hit) const {
+        hit.mesh = invalid_index;
+        const bool is_ellipse = geometry == ellipses_.geometry;
+        if (!is_ellipse && geometry != parallelograms_.geometry) {
+            hit.primitive = called_->index[hit.primitive];
+            return;
+        }
+        const Vec2f p = FlatShapes::parameters(hit.primitive, hit.u, hit.v);
+        hit.u = is_ellipse ? 2 * p.x - 1 : p.x;
+        hit.v = is_ellipse ? 2 * p.y - 1 : p.y;
+        hit.primitive = (is_ellipse ? ellipses_ : parallelograms_).index[hit.primitive / 2];
+    }
 
     std::shared_ptr<const embree::Library> library_;
     embree::DevicePointer device_;
     std::vector<embree::ScenePointer> prototype_scenes_;
     embree::ScenePointer scene_;
-    std::unique_ptr<ShapeCallbacks> shapes_;
+    FlatShapes parallelograms_, ellipses_;
+    std::unique_ptr<CalledShapes> called_;
     std::vector<uint32_t> instance_first_mesh_;
     uint32_t world_meshes_ = 0;
     uint32_t first_instance_ = 0;

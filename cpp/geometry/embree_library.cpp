@@ -82,6 +82,8 @@ std::shared_ptr<const Library> load_uncached(const std::string& path) {
     USDMLT_RESOLVE(rtcSetGeometryBoundsFunction);
     USDMLT_RESOLVE(rtcSetGeometryIntersectFunction);
     USDMLT_RESOLVE(rtcSetGeometryOccludedFunction);
+    USDMLT_RESOLVE(rtcSetGeometryIntersectFilterFunction);
+    USDMLT_RESOLVE(rtcSetGeometryOccludedFilterFunction);
     USDMLT_RESOLVE(rtcSetGeometryInstancedScene);
     USDMLT_RESOLVE(rtcSetGeometryTimeStepCount);
     USDMLT_RESOLVE(rtcSetGeometryTransform);

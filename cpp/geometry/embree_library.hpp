@@ -139,6 +139,8 @@ struct Library {
     void (*rtcSetGeometryBoundsFunction)(Geometry, BoundsFunction, void* user);
     void (*rtcSetGeometryIntersectFunction)(Geometry, IntersectFunction);
     void (*rtcSetGeometryOccludedFunction)(Geometry, OccludedFunction);
+    void (*rtcSetGeometryIntersectFilterFunction)(Geometry, FilterFunction);
+    void (*rtcSetGeometryOccludedFilterFunction)(Geometry, FilterFunction);
     void (*rtcSetGeometryInstancedScene)(Geometry, Scene);
     void (*rtcSetGeometryTransform)(Geometry, unsigned time_step, int format, const void*);
     void (*rtcIntersect1)(Scene, RayHit*, void* arguments);

@@ -57,6 +57,21 @@ void shape_bounds(const Lights& lights, int shape, Vec3f& lower, Vec3f& upper) {
     upper = upper + margin;
 }
 
+bool flat_shape(const Lights& lights, int shape, Parallelogram& out) {
+    const uint32_t light = lights.shapes[shape];
+    if (lights.motion_of_light[light] != invalid_index) return false;
+    if (const auto* rect = std::get_if<RectLight>(&lights.lights[light])) {
+        out = {rect->corner, rect->edge_u, rect->edge_v, false};
+        return true;
+    }
+    if (const auto* disk = std::get_if<DiskLight>(&lights.lights[light])) {
+        out = {disk->center - disk->axis_u - disk->axis_v, disk->axis_u * 2, disk->axis_v * 2,
+               true};
+        return true;
+    }
+    return false;
+}
+
 bool intersect_shape(const Lights& lights, int shape, Vec3f origin, Vec3f direction, float time,
                      float tnear, float tfar, float& t, Vec2f& uv) {
     const LightPose pose = lights.pose(lights.shapes[shape], time);

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "base/distribution.hpp"
+#include "geometry/parallelogram.hpp"
 #include "lights/cylinder.hpp"
 #include "lights/disk.hpp"
 #include "lights/distant.hpp"
@@ -143,6 +144,8 @@ bool environment_point(const Lights& lights, Vec3f direction, float time, LightP
 int shape_count(const Lights& lights);
 // At all times.
 void shape_bounds(const Lights& lights, int shape, Vec3f& lower, Vec3f& upper);
+// False where it is not flat, or moves.
+bool flat_shape(const Lights& lights, int shape, Parallelogram& out);
 bool intersect_shape(const Lights& lights, int shape, Vec3f origin, Vec3f direction, float time,
                      float tnear, float tfar, float& t, Vec2f& uv);
 LightPoint shape_point(const Lights& lights, int shape, Vec2f uv, float time);

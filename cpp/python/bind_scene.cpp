@@ -288,11 +288,11 @@ std::shared_ptr<Scene> make_scene(const py::object& source, const std::string& e
     return scene;
 }
 
-// Closest hits for tests and layers: distance (inf: none), mesh, triangle, instance, normal.
+// Closest hits for tests and layers: distance (inf: none), mesh, triangle, instance, normal, uv.
 py::dict closest_hits(const Scene& scene, const Doubles& origins, const Doubles& directions,
                       float time) {
     const py::ssize_t n = origins.shape(0);
-    py::array_t<float> distance(n), normal({n, py::ssize_t(3)});
+    py::array_t<float> distance(n), normal({n, py::ssize_t(3)}), uv({n, py::ssize_t(2)});
     py::array_t<int64_t> mesh(n), triangle(n), instance(n);
     const auto o = origins.unchecked<2>();
     const auto d = directions.unchecked<2>();
@@ -317,6 +317,8 @@ py::dict closest_hits(const Scene& scene, const Doubles& origins, const Doubles&
         mesh.mutable_at(i) = id(hit.mesh);
         triangle.mutable_at(i) = id(hit.primitive);
         instance.mutable_at(i) = id(hit.instance);
+        uv.mutable_at(i, 0) = found ? v.uv.x : 0;
+        uv.mutable_at(i, 1) = found ? v.uv.y : 0;
         const Vec3f shading = found ? v.closure.shading.z : Vec3f{};
         normal.mutable_at(i, 0) = shading.x;
         normal.mutable_at(i, 1) = shading.y;
@@ -328,6 +330,7 @@ py::dict closest_hits(const Scene& scene, const Doubles& origins, const Doubles&
     out["triangle"] = triangle;
     out["instance"] = instance;
     out["normal"] = normal;
+    out["uv"] = uv;
     return out;
 }
 
@@ -356,7 +359,8 @@ void bind_scene(py::module_& module) {
         .def("intersect", &closest_hits, py::arg("origins"), py::arg("directions"),
              py::arg("time") = 0,
              "Closest hits of rays, (n, 3) arrays in world space, at a time in [0, 1] of the "
-             "shutter's interval: a dict of arrays.");
+             "shutter's interval: a dict of arrays. A light's own shape has mesh -1, its number as "
+             "triangle, and its parameters as uv.");
 }
 
 }  // namespace usdmlt

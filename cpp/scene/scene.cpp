@@ -42,6 +42,9 @@ ShapeCallbacks light_shapes(const Lights& lights) {
     ShapeCallbacks shapes;
     shapes.user = &lights;
     shapes.count = static_cast<uint32_t>(shape_count(lights));
+    shapes.flat = [](const void* user, uint32_t shape, Parallelogram& out) {
+        return flat_shape(*static_cast<const Lights*>(user), static_cast<int>(shape), out);
+    };
     shapes.bounds = [](const void* user, uint32_t shape, Vec3f& lower, Vec3f& upper) {
         shape_bounds(*static_cast<const Lights*>(user), static_cast<int>(shape), lower, upper);
     };
