@@ -134,7 +134,7 @@ struct Closure {
         is_phase = other.is_phase;
         phase = other.phase;
         guide = other.guide;
-        if (lobe_count == 1)
+        if (lobe_count == 1)  // mostly, and not worth a call of memcpy
             lobes[0] = other.lobes[0];
         else
             std::copy_n(other.lobes, lobe_count, lobes);

@@ -22,7 +22,7 @@ struct LensWalk {
     static constexpr bool by_class = !is_glossy;
 
     static Walk walk_of(const Path& x) {
-        Walk walk = find_walk(x, Known::eye, x.edges(), is_glossy);
+        Walk walk = find_walk(x, is_glossy);
         walk.aimed = kind == LensWalkKind::aimed;
         return walk;
     }

@@ -56,7 +56,7 @@ bool always_stops(const Closure& closure) {
 }  // namespace
 
 bool LensSubpath::applies(const MutationContext&, const Path& x) {
-    const Walk walk = find_walk(x, Known::eye, x.edges());
+    const Walk walk = find_walk(x);
     return walk.found() && walk.chains == 0 && !walk.hits_light();
 }
 
@@ -64,7 +64,7 @@ bool LensSubpath::propose(MutationContext& context, const Path& x, Path& y, Chan
     const Scene& scene = context.scene;
     const Camera& camera = scene.camera;
     RandomStream& random = context.random;
-    const int k = x.edges(), l = find_walk(x, Known::eye, k).end - 1;
+    const int k = x.edges(), l = find_walk(x).end - 1;
     const Vec2f stratum =
         Sampler(hash_key(context.unit_key, context.lens_proposals++), context.chain, 1).next_2d();
     const Vec2f raster = context.domain.sample(stratum);

@@ -4,25 +4,23 @@
 
 namespace usdmlt {
 
-Walk find_walk(const Path& x, Known role, int start, bool glossy) {
+Walk find_walk(const Path& x, bool glossy) {
     Walk walk;
-    walk.role = role;
-    walk.start = start;
+    walk.start = x.edges();
     walk.glossy = glossy;
-    const int step = walk.step(), last = role == Known::eye ? 0 : x.edges();
-    for (int i = start + step; i != last; i += step) {
+    for (int i = walk.start - 1; i > 0; --i) {
         if (x.is_delta(i)) continue;
         if (is_passed(x, walk, i)) {
             ++walk.half_vectors;
             continue;
         }
-        if (i + step == last || !is_passed(x, walk, i + step)) {
+        if (i == 1 || !is_passed(x, walk, i - 1)) {
             walk.end = i;
             return walk;
         }
         ++walk.chains;
     }
-    if (role == Known::eye && start != 0 && !x[0].light.delta) walk.end = 0;
+    if (!x[0].light.delta) walk.end = 0;
     return walk;
 }
 

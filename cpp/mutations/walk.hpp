@@ -33,9 +33,8 @@ struct Walk {
     bool hits_light() const { return role == Known::eye && end == 0; }
 };
 
-// The walk of x that starts there; not found where it would have to end on the lens or on a light
-// that cannot be hit.
-Walk find_walk(const Path& x, Known role, int start, bool glossy = false);
+// The walk of x from the lens; not found where it would have to end on a light that cannot be hit.
+Walk find_walk(const Path& x, bool glossy = false);
 
 // Traces the walk in y, whose y_start and first ray are made; the ray's direction (from infinity:
 // its origin) has density `pdf`. False: the class string changes. context.recorded becomes the

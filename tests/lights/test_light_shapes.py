@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from support.rendering import build
 from usdmlt import scene
@@ -115,49 +114,38 @@ def test_positions_are_relative_to_the_center(family, placed, probe, uniform):
     assert np.array_equal(here["position"], there["position"])
 
 
-def placed(seed, shear=0.0):
-    matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.random(random_state=seed).as_matrix()
-    matrix[0, :3] += shear * matrix[1, :3]
-    matrix[3, :3] = np.random.default_rng(seed).uniform(-1, 1, 3)
-    return matrix
-
-
-def test_rays_meet_in_a_scene_what_each_shape_says(probe):
+def test_rays_meet_in_a_scene_what_each_shape_says(placed, probe):
     """Flat shapes that stay are triangles there, all others are asked: the nearest is met, with its
-    number and its parameters. Rays that pass within 1e-4 of an edge are left out."""
+    number and its parameters; but for a few rays that touch an edge."""
     white = (1.0, 1.0, 1.0)
-    lights = [
-        scene.RectLight(white, 1.0, 2.0, placed(1)),
-        scene.DiskLight(white, 0.7, placed(2)),
-        scene.DiskLight(white, 0.4, placed(9, shear=0.5)),
-        scene.RectLight(white, 1.5, 0.5, placed(3, shear=0.8)),
-        scene.RectLight(white, 1.0, 1.0, placed(4), motion=[placed(5)]),
-        scene.SphereLight(white, 0.3, placed(6)),
-        scene.RectLight(white, 0.6, 0.9, np.diag([1.0, 1.0, -1.0, 1.0]) @ placed(7)),
-    ]
     rng = np.random.default_rng(8)
+
+    def somewhere(**more):
+        return placed(rng.uniform(-3, 3, 3), position=rng.uniform(-1, 1, 3), **more)
+
+    lights = [
+        scene.RectLight(white, 1.0, 2.0, somewhere()),
+        scene.DiskLight(white, 0.7, somewhere()),
+        scene.DiskLight(white, 0.4, somewhere(shear=0.5)),
+        scene.RectLight(white, 1.5, 0.5, somewhere(shear=0.8)),
+        scene.RectLight(white, 1.0, 1.0, somewhere(), motion=[somewhere()]),
+        scene.SphereLight(white, 0.3, somewhere()),
+        scene.RectLight(white, 0.6, 0.9, somewhere(scale=(1.0, 1.0, -1.0))),
+    ]
     origins = unit(rng.normal(size=(20_000, 3))) * 6
-    targets = rng.uniform(-1.2, 1.2, origins.shape)
-    directions = unit(targets - origins).astype(np.float32)
+    directions = unit(rng.uniform(-1.2, 1.2, origins.shape) - origins).astype(np.float32)
     met = build(scene.Scene(lights=lights)).intersect(origins, directions)
 
     one_by_one = [probe(light).intersect_shape(0, origins, directions) for light in lights]
     distances = np.array([t for t, _ in one_by_one])
-    nearest, distance = distances.argmin(axis=0), distances.min(axis=0)
-    hit = np.isfinite(distance)
-    uv = np.choose(nearest[:, None], [uv for _, uv in one_by_one])
-    centers = [np.array([0.5, 0.5]) if hasattr(x, "width") else np.zeros(2) for x in lights]
-    edge = np.abs(uv - np.choose(nearest[:, None], centers)).max(axis=1)
-    near_edge = hit & (np.abs(edge - 0.5) < 1e-4)
-
-    assert {*nearest[hit]} == set(range(len(lights)))
-    assert (np.isfinite(met["distance"]) == hit)[~near_edge].mean() > 0.9999
-    both = hit & np.isfinite(met["distance"]) & ~near_edge
-    both &= np.sort(distances, axis=0)[1] > distance + 1e-4
-    assert both.sum() > 3000
-    np.testing.assert_array_equal(met["mesh"][both], -1)
-    np.testing.assert_array_equal(met["triangle"][both], nearest[both])
-    np.testing.assert_allclose(met["distance"][both], distance[both], atol=1e-5)
-    flat = both & (nearest != 5)  # angles of a sphere jump
+    distance = distances.min(axis=0)
+    nearest = np.where(np.isfinite(distance), distances.argmin(axis=0), -1)
+    uv = np.choose(nearest[:, None], [uv for _, uv in one_by_one], mode="clip")
+    assert {*nearest} == {-1, *range(len(lights))}
+    assert (met["mesh"] == -1).all()
+    same = met["triangle"] == nearest
+    assert same.mean() > 0.9995
+    hit = same & (nearest >= 0)
+    np.testing.assert_allclose(met["distance"][hit], distance[hit], atol=5e-5)
+    flat = hit & (nearest != 5)  # angles of a sphere jump
     np.testing.assert_allclose(met["uv"][flat], uv[flat], atol=2e-4)
