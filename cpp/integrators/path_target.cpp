@@ -59,7 +59,6 @@ bool PathTarget::finish(State& y) {
     Path& path = y.path;
     const int k = path.edges();
     if (k == 1 && path[0].infinite && !background_) return false;
-    recorder.prefetch(path.raster);
     update_edges(path, std::max(change_.l + 1, 1), std::min(change_.m_y, k));
     if (!update_scattering(context_.scene, path, std::max(change_.l, 0), std::min(change_.m_y, k)))
         return false;
@@ -80,7 +79,12 @@ bool PathTarget::propose(int m, const State& x, State& y) {
     change_ = {};
     const bool made = visit_mutation(
         m, [&]<typename M>() { return M::propose(context_, x.path, y.path, change_); });
-    if (made && finish(y)) return true;
+    if (made) {
+        // Both are deposited to where y is accepted.
+        recorder.prefetch(x.path.raster);
+        recorder.prefetch(y.path.raster);
+        if (finish(y)) return true;
+    }
     reject(y);
     return false;
 }

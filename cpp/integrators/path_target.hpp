@@ -50,7 +50,7 @@ struct PathRecorder {
                         layers ? &layers->splat : nullptr);
         classes->add(path_class, luminance(value));
     }
-    // A path that lands there is being made.
+    // A path may soon be splatted there.
     void prefetch(Vec2f raster) const {
         const float x = std::floor(raster.x / reduction), y = std::floor(raster.y / reduction);
         if (film && x >= 0 && y >= 0 && x < float(film->width()) && y < float(film->height()))
