@@ -8,7 +8,9 @@ namespace {
 // τ: of how many steps of a chain one is worth an independent sample. From 5 to 15 the scenes that
 // were measured differ by less than 20 %.
 constexpr double correlation = 10;
-constexpr double as_good = 1.1;  // errors that differ by less are the same
+// What more error of pixels is given for blocks and a mean that are sharper. At 1.1 instead of 1.02
+// the ajar door has 10 % more of it, 8 % less of blocks, and 14 % less spread from seed to seed.
+constexpr double as_good = 1.1;
 constexpr double least_share_of_samples = 0.4, least_share_of_chains = 0.05;
 // Of the error of samples alone: where chains leave more than that, they clump for nothing.
 constexpr double worthwhile = 2.0 / 3;
