@@ -23,8 +23,8 @@ MUTATIONS = ("uniform", "row", "perturbation")
 ERGODIC_MUTATIONS = ("uniform", "row")
 DEFAULT_WEIGHTS = MappingProxyType({"uniform": 0.2, "perturbation": 0.8})
 
-# The steps of a perturbation are those of the lens perturbation: from a tenth of a pixel to the
-# radius of a disc of a twentieth of the picture.
+# The steps of a perturbation are those that Veach has for the lens perturbation: from a tenth of a
+# pixel to the radius of a disc of a twentieth of the picture.
 SMALLEST_STEP = 0.1
 LARGEST_STEP_AREA = 0.05
 MUTATIONS_PER_PIXEL = 64

@@ -363,8 +363,9 @@ def require_solid_angles(out: dict, path_class: str) -> None:
     walked = np.linalg.norm(np.diff(before, axis=0), axis=1).sum()
     pixel = 2 * math.tan(math.radians(35)) / HEIGHT
     smallest = start["smallest_move"][0] * pixel * (start["length"][0] / walked - 1)
+    smallest = min(smallest, 0.1 * 1.5)  # of the largest angle
     p = []
-    for lower, upper in ((1.2 * smallest, 2 * smallest), (2 * smallest, 3 * smallest)):
+    for lower, upper in ((1.1 * smallest, 1.5 * smallest), (1.5 * smallest, 2 * smallest)):
         for side in (-1, 1):
             inside = (angle > lower) & (angle < upper) & (across[:, 0] * side > 0)
             mean = value[inside].sum() / count
