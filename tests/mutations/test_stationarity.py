@@ -45,8 +45,8 @@ def test_so_it_does_without_short_paths_and_with_a_weighted_target() -> None:
 @pytest.mark.parametrize("name", ["mirrors_and_floor", "pool", "thick_fog"])
 def test_so_it_does_with_the_target_that_the_selective_split_leaves(name: str) -> None:
     """The starts' weights have the split's part from the weights of bidirectional samples, the
-    chains from the densities of finished paths."""
-    require_stationarity(name, 30000, rounds=2, two_stage=True, selective=True)
+    chains from the densities of finished paths. Little is left to chains: more samples find it."""
+    require_stationarity(name, 60000, rounds=2, two_stage=True, selective=True)
 
 
 def test_so_it_does_where_lights_are_linked() -> None:
