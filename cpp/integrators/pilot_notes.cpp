@@ -11,6 +11,7 @@ namespace {
 constexpr double correlation = 10;
 // What more error of pixels is given for blocks and a mean that are sharper.
 constexpr double as_good = 1.05;
+// At 0.4 for samples the ajar door has 3 % less error of pixels, and 7 % more of blocks.
 constexpr double least_share_of_samples = 0.5, least_share_of_chains = 0.05;
 // Of the error of samples alone: where chains leave more than that, they clump for nothing.
 constexpr double worthwhile = 2.0 / 3;

@@ -48,8 +48,9 @@ double footprint(const MutationContext& context, const Path& x, int n) {
 
 LogarithmicRange angles(const MutationContext& context, const Path& x, const Walk& walk) {
     const double scale = footprint(context, x, walk.end) / length_of_edges(x, walk.start, walk.end);
-    const double max = std::min(context.raster_range.max * scale, largest_angle);
-    return {std::min(context.raster_range.min * scale, 0.1 * max), max};
+    return LogarithmicRange::of_a_decade_at_least(
+        context.raster_range.min * scale,
+        std::min(context.raster_range.max * scale, largest_angle));
 }
 
 LogarithmicRange offsets(const MutationContext& context, const Path& x, const Walk& walk) {

@@ -6,13 +6,7 @@ namespace {
 constexpr double largest_move_of_area = 0.05;  // of the image: π r² (Veach 1997, §11.3.3)
 // In pixels. Of log-uniform moves from Veach's 0.1 on, two in five end less than a pixel away, and
 // tell that pixel little that is new: from 0.5 on, the ajar door has a tenth less error.
-constexpr double smallest_move = 0.5, smallest_of_largest = 0.1;
-
-// Of moves on the screen, in pixels.
-LogarithmicRange raster_range(double image_area) {
-    const double largest = std::sqrt(largest_move_of_area * image_area / std::numbers::pi);
-    return {std::min(smallest_move, smallest_of_largest * largest), largest};
-}
+constexpr double smallest_move = 0.5;
 
 }  // namespace
 
@@ -44,7 +38,8 @@ MutationContext::MutationContext(const Scene& scene, const RasterDomain& domain,
       domain(domain),
       min_edges(min_edges),
       max_edges(max_edges),
-      raster_range(usdmlt::raster_range(domain.image_area)),
+      raster_range(LogarithmicRange::of_a_decade_at_least(
+          smallest_move, std::sqrt(largest_move_of_area * domain.image_area / std::numbers::pi))),
       arena(4 * (max_edges + 2)),
       scratch(max_edges) {}
 

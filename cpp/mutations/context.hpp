@@ -11,6 +11,7 @@
 //     density(context, x, y, change)   T(x→y) given that it was chosen, from the pair alone.
 #pragma once
 
+#include <algorithm>
 #include <numbers>
 #include <vector>
 
@@ -99,6 +100,10 @@ struct LogarithmicRange {
     double min, max, log_ratio;
 
     LogarithmicRange(double min, double max) : min(min), max(max), log_ratio(std::log(max / min)) {}
+    // Up to max, from min or a tenth of max, whichever is less.
+    static LogarithmicRange of_a_decade_at_least(double min, double max) {
+        return {std::min(min, 0.1 * max), max};
+    }
     double sample(double u) const { return min * std::exp(u * log_ratio); }
     bool contains(double r) const { return r >= min && r <= max; }
     // Per unit length of r.

@@ -401,6 +401,7 @@ def test_image_moves_are_log_uniform_in_all_directions() -> None:
     x, y = (made[f"raster_{axis}"] - start[f"raster_{axis}"][0] for axis in "xy")
     lower, upper = start["smallest_move"][0], start["largest_move"][0]
     assert math.pi * upper**2 == pytest.approx(0.05 * WIDTH * HEIGHT)
+    assert lower == pytest.approx(min(0.5, 0.1 * upper))
     assert uniform(np.log(np.hypot(x, y) / lower) / math.log(upper / lower)) >= SIGNIFICANCE
     assert uniform(np.arctan2(y, x) / (2 * math.pi) + 0.5) >= SIGNIFICANCE
 
