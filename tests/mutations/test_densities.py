@@ -19,6 +19,7 @@ Significance of the statistical tests: 1e-4 each; seeds are fixed.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -401,9 +402,20 @@ def test_image_moves_are_log_uniform_in_all_directions() -> None:
     x, y = (made[f"raster_{axis}"] - start[f"raster_{axis}"][0] for axis in "xy")
     lower, upper = start["smallest_move"][0], start["largest_move"][0]
     assert math.pi * upper**2 == pytest.approx(0.05 * WIDTH * HEIGHT)
-    assert lower == pytest.approx(min(0.5, 0.1 * upper))
     assert uniform(np.log(np.hypot(x, y) / lower) / math.log(upper / lower)) >= SIGNIFICANCE
     assert uniform(np.arctan2(y, x) / (2 * math.pi) + 0.5) >= SIGNIFICANCE
+
+
+@pytest.mark.parametrize(("scale", "smallest"), [(1, 0.1 * 2.47), (10, 0.5)])
+def test_the_smallest_move_is_half_a_pixel_where_a_picture_is_large(
+    scale: int, smallest: float
+) -> None:
+    content = {"meshes": [floor(0, 8.0)], "materials": [GREY], "lights": [LAMP]}
+    picture = picture_of(CAMERAS["perspective"], **content)
+    scene = build(replace(picture, width=scale * WIDTH, height=scale * HEIGHT))
+    center = (scale * WIDTH / 2, scale * HEIGHT / 2)
+    start = _core.proposal_probe(scene, "lens", "LDE", center, count=1, depth=3)["start"]
+    assert start["smallest_move"][0] == pytest.approx(smallest, rel=1e-2)
 
 
 def test_caustic_angles_are_log_uniform_in_the_range_of_the_path() -> None:
